@@ -1,0 +1,338 @@
+"""The nouns of the product: frozen values that every room passes to the others.
+
+Units are in the names: ``_hz``, ``_s``, ``_m``, ``_rad``, ``_a``, ``_m_s``. The ground is the plane z = 0, z points up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Gait:
+    """What the motors are asked to do: one entry per motor in each tuple.
+
+    Args:
+        frequency_hz: revolutions per second; the sign is the sense of rotation, 0 is off.
+        phase_rad: angle of the motor's force at time 0; empty means all zero.
+        amplitude: share of the motor's force, 0 to 1; empty means all one.
+
+    Raises:
+        ValueError: a value is not finite, an amplitude is outside 0 to 1, or the lengths differ.
+    """
+
+    frequency_hz: tuple[float, ...]
+    phase_rad: tuple[float, ...] = ()
+    amplitude: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        motors = len(self.frequency_hz)
+        # Frozen, so the normal forms (floats, defaults written out) are set behind the dataclass's back.
+        object.__setattr__(self, "frequency_hz", tuple(map(float, self.frequency_hz)))
+        object.__setattr__(self, "phase_rad", tuple(map(float, self.phase_rad)) or (0.0,) * motors)
+        object.__setattr__(self, "amplitude", tuple(map(float, self.amplitude)) or (1.0,) * motors)
+        for name, values in (
+            ("frequency_hz", self.frequency_hz),
+            ("phase_rad", self.phase_rad),
+            ("amplitude", self.amplitude),
+        ):
+            if len(values) != motors:
+                raise ValueError(f"{name} has {len(values)} values for {motors} motors")
+            if not all(map(math.isfinite, values)):
+                raise ValueError(f"{name} {values} is not finite")
+        if not all(0.0 <= share <= 1.0 for share in self.amplitude):
+            raise ValueError(f"amplitude {self.amplitude} is outside 0 to 1")
+
+    @property
+    def motor_count(self) -> int:
+        """How many motors the gait is for."""
+        return len(self.frequency_hz)
+
+    def scaled(self, share: float) -> Gait:
+        """Return the gait with every frequency multiplied by ``share``: a step of a ramp."""
+        return replace(self, frequency_hz=tuple(share * frequency for frequency in self.frequency_hz))
+
+    def __str__(self) -> str:
+        text = " ".join(f"{frequency:.2f}" for frequency in self.frequency_hz) + " Hz"
+        if any(self.phase_rad):
+            text += ", phase " + " ".join(f"{phase:.2f}" for phase in self.phase_rad) + " rad"
+        if any(share != 1.0 for share in self.amplitude):
+            text += ", amplitude " + " ".join(f"{share:.2f}" for share in self.amplitude)
+        return text
+
+
+class Quantity(StrEnum):
+    """What of a motor a gait can vary."""
+
+    FREQUENCY = "frequency"
+    PHASE = "phase"
+    AMPLITUDE = "amplitude"
+
+    @property
+    def field(self) -> str:
+        """The field of ``Gait`` that holds this quantity."""
+        return {"frequency": "frequency_hz", "phase": "phase_rad", "amplitude": "amplitude"}[self.value]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One searched number of a gait: a quantity of one motor (counted from 0) and its bounds in its own unit."""
+
+    quantity: Quantity
+    motor: int
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
+            raise ValueError(f"{self.name}: the range {self.low:g} to {self.high:g} is empty or not finite")
+
+    @property
+    def name(self) -> str:
+        """Name with unit, motors counted from 1 as on the robot: ``frequency_1_hz``."""
+        quantity, _, unit = self.quantity.field.partition("_")
+        return f"{quantity}_{self.motor + 1}" + (f"_{unit}" if unit else "")
+
+
+@dataclass(frozen=True, slots=True)
+class GaitSpace:
+    """The gaits that a search may try, and the only place that knows the unit cube.
+
+    Args:
+        rest: the gait that gives every number that is not searched.
+        parameters: the searched numbers, in the order of the unit cube's axes.
+    """
+
+    rest: Gait
+    parameters: tuple[Parameter, ...]
+
+    @classmethod
+    def over(
+        cls,
+        motor_count: int,
+        low_hz: float,
+        high_hz: float,
+        quantities: Sequence[Quantity] = (Quantity.FREQUENCY,),
+    ) -> Self:
+        """Return the space of all ``quantities`` of all motors; phases span -pi to pi, amplitudes 0 to 1."""
+        bounds = {
+            Quantity.FREQUENCY: (low_hz, high_hz),
+            Quantity.PHASE: (-math.pi, math.pi),
+            Quantity.AMPLITUDE: (0.0, 1.0),
+        }
+        parameters = (
+            Parameter(quantity, motor, *bounds[quantity]) for quantity in quantities for motor in range(motor_count)
+        )
+        return cls(Gait((0.0,) * motor_count), tuple(parameters))
+
+    @property
+    def dimension(self) -> int:
+        """Number of searched parameters."""
+        return len(self.parameters)
+
+    @property
+    def motor_count(self) -> int:
+        """Number of motors."""
+        return self.rest.motor_count
+
+    def to_unit(self, gait: Gait) -> NDArray[np.float64]:
+        """Return the gait's place in the unit cube, shape (dimension,); outside of it if the gait is out of bounds."""
+        values = [getattr(gait, p.quantity.field)[p.motor] for p in self.parameters]
+        low, high = self._bounds()
+        return np.asarray((np.asarray(values) - low) / (high - low))
+
+    def from_unit(self, unit: NDArray[np.float64]) -> Gait:
+        """Return the gait at a place of the unit cube, shape (dimension,).
+
+        Raises:
+            ValueError: the place has another shape, or lies outside the cube by more than rounding.
+        """
+        if unit.shape != (self.dimension,) or not np.all(np.abs(unit - 0.5) <= 0.5 + 1e-9):
+            raise ValueError(f"{unit} is not a place in the unit cube of {self.dimension} parameters")
+        low, high = self._bounds()
+        numbers = {quantity: list(getattr(self.rest, quantity.field)) for quantity in Quantity}
+        for parameter, value in zip(self.parameters, np.clip(low + unit * (high - low), low, high), strict=True):
+            numbers[parameter.quantity][parameter.motor] = float(value)
+        return Gait(*(tuple(numbers[quantity]) for quantity in Quantity))
+
+    def _bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return np.array([p.low for p in self.parameters]), np.array([p.high for p in self.parameters])
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A request to the motors: what was asked, when, and for how long at most. Not what happened."""
+
+    t_s: float
+    gait: Gait
+    hold_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class MotorState:
+    """What the device applies.
+
+    Args:
+        t_s: when, on the robot's clock; in a trial since the drive began.
+        frequency_hz: (motors,) measured where the device has a sensor, else what its output stage is set to.
+        measured: whether ``frequency_hz`` comes from a sensor.
+        current_a: (motors,) or empty where the device does not tell.
+        temperature_c: (motors,) or empty where the device does not tell.
+    """
+
+    t_s: float
+    frequency_hz: tuple[float, ...]
+    measured: bool = True
+    current_a: tuple[float, ...] = ()
+    temperature_c: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where the robot's centre is and how it is turned (intrinsic z-y'-x'' angles: yaw, then pitch, then roll).
+
+    Args:
+        t_s: when, on the robot's clock; in a trial since the drive began.
+        position_m: x, y, z of the centre of the robot.
+        yaw_rad, pitch_rad, roll_rad: the angles; yaw is the heading on the ground.
+        markers_m: positions of the strut ends where the tracker sees them, (2 * struts) of them, else empty.
+    """
+
+    t_s: float
+    position_m: Vector
+    yaw_rad: float = 0.0
+    pitch_rad: float = 0.0
+    roll_rad: float = 0.0
+    markers_m: tuple[Vector, ...] = ()
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether position and angles are numbers."""
+        return all(map(math.isfinite, (*self.position_m, self.yaw_rad, self.pitch_rad, self.roll_rad)))
+
+
+class Outcome(StrEnum):
+    """How a trial ended. A trial has exactly one."""
+
+    COMPLETED = "completed"  # drove for as long as asked
+    CUT_SHORT = "cut_short"  # a guard ended it (heading, arena); measured over the time it ran
+    TRACKING_LOST = "tracking_lost"  # no trustworthy pose
+    LINK_LOST = "link_lost"  # the motors' device went away
+    FAULTED = "faulted"  # a motor, the twin or the program failed
+    INTERRUPTED = "interrupted"  # the operator stopped it
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the trial measured something: only then may it be scored."""
+        return self in (Outcome.COMPLETED, Outcome.CUT_SHORT)
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One gait, driven once. Times within are in seconds since the drive began.
+
+    Args:
+        number: counted from 1 within a run.
+        gait: the gait that was asked for.
+        outcome: how it ended.
+        reason: why, in a sentence; empty for a completed trial.
+        started_unix_s: wall time at which the trial began.
+        duration_s: how long the motors were driven.
+        poses: from the start of the drive to its end, both included.
+        commands: every request that was sent.
+        states: what the device applied.
+    """
+
+    number: int
+    gait: Gait
+    outcome: Outcome
+    reason: str
+    started_unix_s: float
+    duration_s: float
+    poses: tuple[Pose, ...] = ()
+    commands: tuple[Command, ...] = ()
+    states: tuple[MotorState, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A posterior mean with its central 95 % interval, in the unit of the score."""
+
+    mean: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Suggestion:
+    """A gait to try next, and why.
+
+    Args:
+        gait: the gait.
+        origin: what proposed it, in two or three words ("initial design", "expected improvement").
+        expected: what the model expects of its true score; None while there is no model.
+        hyperparameters: the model's, by name; empty while there is no model.
+    """
+
+    gait: Gait
+    origin: str
+    expected: Estimate | None = None
+    hyperparameters: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Recommendation:
+    """The gait that the model believes is best, and what it believes of its true score."""
+
+    gait: Gait
+    estimate: Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Valid trials of an earlier condition, to learn from: gaits and their scores, in the order they were run."""
+
+    name: str
+    gaits: tuple[Gait, ...]
+    scores: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.gaits) != len(self.scores):
+            raise ValueError(f"source {self.name}: {len(self.gaits)} gaits but {len(self.scores)} scores")
+        if not self.gaits:
+            raise ValueError(f"source {self.name} has no valid trial to learn from")
+
+
+@dataclass(frozen=True, slots=True)
+class Terrain:
+    """Ground as a grid of heights: ``height_m[i][j]`` at ``x_m[i]``, ``y_m[j]``."""
+
+    x_m: tuple[float, ...]
+    y_m: tuple[float, ...]
+    height_m: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """What a viewer needs to draw the robot; indices are into ``Pose.markers_m``.
+
+    Args:
+        struts: pairs of strut ends joined by a strut.
+        springs: pairs of strut ends joined by a spring.
+        motor_struts: for each motor the index of its strut.
+        terrain: the ground, where it is known.
+    """
+
+    struts: tuple[tuple[int, int], ...]
+    springs: tuple[tuple[int, int], ...]
+    motor_struts: tuple[int, ...]
+    terrain: Terrain | None = None

@@ -1,0 +1,1 @@
+"""Devices: one file per protocol and one per transport."""

@@ -1,0 +1,1 @@
+"""Learning: Gaussian processes, Bayesian optimisation and transfer between conditions."""
