@@ -227,7 +227,8 @@ class Outcome(StrEnum):
     CUT_SHORT = "cut_short"  # a guard ended it (heading, arena); measured over the time it ran
     TRACKING_LOST = "tracking_lost"  # no trustworthy pose
     LINK_LOST = "link_lost"  # the motors' device went away
-    FAULTED = "faulted"  # a motor, the twin or the program failed
+    FAULTED = "faulted"  # a motor or the twin failed
+    CRASHED = "crashed"  # the program failed
     INTERRUPTED = "interrupted"  # the operator stopped it
 
     @property
