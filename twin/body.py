@@ -1,0 +1,308 @@
+"""A robot as a list of parts: struts, springs, motors; two robots; and damage as pure functions on a body.
+
+Both twins build from the same ``Body``. Struts, springs and motors are counted from 0. Strut ``i`` has the ends (nodes)
+``2 * i`` (top) and ``2 * i + 1`` (bottom).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.types import Structure, Terrain, Vector
+
+
+class Shape(StrEnum):
+    """The cross-section of a strut."""
+
+    CAPSULE = "capsule"
+    BOX = "box"
+
+
+@dataclass(frozen=True, slots=True)
+class Strut:
+    """A stiff rod between two nodes. ``radius_m`` is half the side of a box; the mass is without its motor."""
+
+    radius_m: float
+    mass_kg: float
+    shape: Shape = Shape.CAPSULE
+
+
+@dataclass(frozen=True, slots=True)
+class Spring:
+    """A spring between two nodes: it pulls with ``stiffness * (distance - rest) + damping * speed of lengthening``."""
+
+    nodes: tuple[int, int]
+    rest_m: float
+    stiffness_n_m: float
+    damping_n_s_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantForce:
+    """The thesis' motor: a force of one size at every frequency.
+
+    Below 1 Hz it fades in proportion, so that a motor at rest pushes nothing.
+    """
+
+    force_n: float
+
+    def at(self, frequency_hz: float) -> float:
+        """Return the size of the force in newtons."""
+        return self.force_n * min(1.0, abs(frequency_hz))
+
+
+@dataclass(frozen=True, slots=True)
+class EccentricForce:
+    """A real vibration motor: a mass m_e at the radius r swings round, F = m_e r (2 pi f)^2."""
+
+    mass_radius_kg_m: float
+
+    def at(self, frequency_hz: float) -> float:
+        """Return the size of the force in newtons."""
+        return self.mass_radius_kg_m * (2.0 * math.pi * frequency_hz) ** 2
+
+
+ForceLaw = ConstantForce | EccentricForce
+
+
+@dataclass(frozen=True, slots=True)
+class Motor:
+    """A motor at the middle of a strut, whose force goes round the strut.
+
+    Args:
+        strut: the strut that carries it.
+        law: size of the force for a frequency.
+        mass_kg: its mass, beside the strut's own.
+        max_hz: the actual frequency never exceeds this; 0 for a motor that does not turn.
+        spin_up_s: time constant of the actual frequency's approach to the commanded one.
+    """
+
+    strut: int
+    law: ForceLaw
+    mass_kg: float
+    max_hz: float
+    spin_up_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A tensegrity robot.
+
+    Args:
+        name: what the command line calls it.
+        nodes_m: strut ends at the design state, (2 * struts) points; the axis of symmetry is z and the least z is 0.
+        struts, springs, motors: its parts.
+        tension_only: whether springs pull and never push; else they do both (the thesis' Hooke law).
+    """
+
+    name: str
+    nodes_m: tuple[Vector, ...]
+    struts: tuple[Strut, ...]
+    springs: tuple[Spring, ...]
+    motors: tuple[Motor, ...]
+    tension_only: bool
+
+    @property
+    def masses_kg(self) -> NDArray[np.float64]:
+        """Masses of the struts with their motors, shape (struts,)."""
+        masses = np.array([strut.mass_kg for strut in self.struts])
+        for motor in self.motors:
+            masses[motor.strut] += motor.mass_kg
+        return masses
+
+    def centre_m(self, nodes_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the centre of mass sum(m_i r_i) / sum(m_i), shape (3,), for nodes of shape (2 * struts, 3)."""
+        masses = self.masses_kg
+        return np.asarray(masses @ (nodes_m[0::2] + nodes_m[1::2]) / (2.0 * masses.sum()))
+
+    def structure(self, terrain: Terrain | None = None) -> Structure:
+        """Return what a viewer needs to draw the robot, on its terrain."""
+        return Structure(
+            struts=tuple((2 * strut, 2 * strut + 1) for strut in range(len(self.struts))),
+            springs=tuple(spring.nodes for spring in self.springs),
+            motor_struts=tuple(motor.strut for motor in self.motors),
+            terrain=terrain,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What a robot is made of. A twin has its own, because two and three dimensions need different numbers.
+
+    Args:
+        total_kg: mass of the whole robot, motors included.
+        motor_kg: mass of each motor.
+        strut_m: length of each strut.
+        radius_m: radius of a capsule, half the side of a box.
+        rest_share: rest length of each spring as a share of its design length.
+        law, max_hz, spin_up_s: see ``Motor``.
+        tension_only: see ``Body``.
+    """
+
+    total_kg: float
+    motor_kg: float
+    law: ForceLaw
+    max_hz: float
+    stiffness_n_m: float
+    damping_n_s_m: float
+    rest_share: float
+    radius_m: float
+    tension_only: bool
+    strut_m: float = 0.094
+    shape: Shape = Shape.CAPSULE
+    spin_up_s: float = 0.05
+
+
+# Strut ends of the six-strut robot joined by springs, as its builders number them: struts 1 to 6, t(op) and b(ottom).
+ICOSAHEDRON_SPRINGS = """
+1t-5t 1t-6t 1t-3t 1t-3b 2t-5b 2t-6b 2t-3t 2t-3b 1b-5t 1b-6t 1b-4t 1b-4b
+2b-5b 2b-6b 2b-4t 2b-4b 3t-5t 3t-5b 3b-6t 3b-6b 4t-5t 4t-5b 4b-6t 4b-6b
+"""
+# The same for the prism: all tops, all bottoms, and each top to the bottom of its neighbour.
+PRISM_SPRINGS = "1t-2t 2t-3t 3t-1t 1b-2b 2b-3b 3b-1b 1t-2b 2t-3b 3t-1b"
+
+
+def prism3(parts: Parts) -> Body:
+    """Return the three-strut prism with a motor on each strut, standing on a triangle.
+
+    Each top is turned by 150 degrees against its bottom, which leaves the 30 degrees between the two triangles at which
+    alone a three-strut prism holds; radius and height make all nine springs equally long.
+    """
+    height = math.sqrt(1.0 + math.sqrt(3.0))  # in radii: an edge of a triangle, sqrt(3), is as long as a rising spring
+    radius_m = parts.strut_m / math.sqrt(height**2 + (2.0 * math.sin(math.radians(75.0))) ** 2)
+    nodes = []
+    for strut in range(3):
+        bottom = math.radians(120.0 * strut)
+        top = bottom + math.radians(150.0)
+        nodes += [(math.cos(top), math.sin(top), height), (math.cos(bottom), math.sin(bottom), 0.0)]
+    return _assembled("prism3", radius_m * np.array(nodes), PRISM_SPRINGS, (0, 1, 2), parts)
+
+
+def icosahedron6(parts: Parts) -> Body:
+    """Return the six-strut robot with motors on struts 0, 2 and 4, standing on a triangle.
+
+    Three pairs of parallel struts along three orthogonal axes; the struts of a pair are half a strut's length apart.
+    """
+    half, side = 0.5, 0.25
+    nodes = np.array(
+        [
+            *((side, 0, half), (side, 0, -half), (-side, 0, half), (-side, 0, -half)),
+            *((0, half, side), (0, -half, side), (0, half, -side), (0, -half, -side)),
+            *((half, side, 0), (-half, side, 0), (half, -side, 0), (-half, -side, 0)),
+        ]
+    )
+    # The diagonal of the three axes, about which the body repeats every 120 degrees, becomes the vertical.
+    east, north = np.array([1.0, -1.0, 0.0]) / math.sqrt(2.0), np.array([1.0, 1.0, -2.0]) / math.sqrt(6.0)
+    turned = nodes @ np.array([east, north, np.cross(east, north)]).T
+    return _assembled("icosahedron6", parts.strut_m * turned, ICOSAHEDRON_SPRINGS, (0, 2, 4), parts)
+
+
+BODIES: dict[str, Callable[[Parts], Body]] = {"prism3": prism3, "icosahedron6": icosahedron6}
+
+
+def body_named(name: str, parts: Parts) -> Body:
+    """Return the body that the command line calls ``name``. Raises ValueError for an unknown name."""
+    if name not in BODIES:
+        raise ValueError(f"no body is called {name!r}; there are {', '.join(BODIES)}")
+    return BODIES[name](parts)
+
+
+def snap(body: Body, springs: Iterable[int]) -> Body:
+    """Return the body without these springs. Raises ValueError for a spring that it has not."""
+    gone = {_checked("spring", spring, len(body.springs)) for spring in springs}
+    return replace(body, springs=tuple(spring for i, spring in enumerate(body.springs) if i not in gone))
+
+
+def lighten(body: Body, strut: int, factor: float) -> Body:
+    """Return the body with a strut of ``factor`` times its mass (0 < factor <= 1); its motor keeps its own mass.
+
+    Raises:
+        ValueError: the body has no such strut, or the factor is out of range.
+    """
+    _checked("strut", strut, len(body.struts))
+    if not 0.0 < factor <= 1.0:
+        raise ValueError(f"the factor {factor:g} is not above 0 and at most 1")
+    lighter = replace(body.struts[strut], mass_kg=factor * body.struts[strut].mass_kg)
+    return replace(body, struts=(*body.struts[:strut], lighter, *body.struts[strut + 1 :]))
+
+
+def disable(body: Body, motor: int) -> Body:
+    """Return the body with a motor that does not turn. Raises ValueError for a motor that it has not."""
+    _checked("motor", motor, len(body.motors))
+    dead = replace(body.motors[motor], max_hz=0.0)
+    return replace(body, motors=(*body.motors[:motor], dead, *body.motors[motor + 1 :]))
+
+
+def damaged(body: Body, specs: Sequence[str]) -> Body:
+    """Return the body with damage as the command line writes it: ``snap:3,17``, ``lighten:2:0.5``, ``disable:1``.
+
+    Numbers count from 0 and always mean the parts of the undamaged body, whatever the order of the specs.
+
+    Raises:
+        ValueError: one line that names the spec, what is wrong with it and what is allowed.
+    """
+    snapped: set[int] = set()
+    hurt = body
+    for spec in specs:
+        try:
+            match spec.split(":"):
+                case ["snap", springs]:
+                    numbers = [_whole(text) for text in springs.split(",")]
+                    snap(body, numbers)  # says here, where the spec is known, that there is no such spring
+                    snapped.update(numbers)
+                case ["lighten", strut, factor]:
+                    hurt = lighten(hurt, _whole(strut), _number(factor))
+                case ["disable", motor]:
+                    hurt = disable(hurt, _whole(motor))
+                case _:
+                    raise ValueError("damage is snap:SPRING,..., lighten:STRUT:FACTOR or disable:MOTOR")
+        except ValueError as error:
+            raise ValueError(f"damage {spec!r}: {error}") from None
+    return snap(hurt, snapped)
+
+
+def _whole(text: str) -> int:
+    if not (text.isascii() and text.isdigit()):
+        raise ValueError(f"{text!r} is not a whole number from 0")
+    return int(text)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is not a number") from None
+
+
+def _checked(kind: str, number: int, count: int) -> int:
+    if not 0 <= number < count:
+        raise ValueError(f"no {kind} {number}; there are {kind}s 0 to {count - 1}")
+    return number
+
+
+def _assembled(
+    name: str, nodes_m: NDArray[np.float64], springs: str, motor_struts: tuple[int, ...], parts: Parts
+) -> Body:
+    nodes_m = nodes_m - [0.0, 0.0, nodes_m[:, 2].min()]
+    struts = len(nodes_m) // 2
+    strut_kg = (parts.total_kg - len(motor_struts) * parts.motor_kg) / struts
+    return Body(
+        name=name,
+        nodes_m=tuple((float(x), float(y), float(z)) for x, y, z in nodes_m),
+        struts=(Strut(parts.radius_m, strut_kg, parts.shape),) * struts,
+        springs=tuple(_spring(text, nodes_m, parts) for text in springs.split()),
+        motors=tuple(Motor(strut, parts.law, parts.motor_kg, parts.max_hz, parts.spin_up_s) for strut in motor_struts),
+        tension_only=parts.tension_only,
+    )
+
+
+def _spring(text: str, nodes_m: NDArray[np.float64], parts: Parts) -> Spring:
+    first, second = (2 * int(end[0]) - 2 + "tb".index(end[1]) for end in text.split("-"))
+    design_m = float(np.linalg.norm(nodes_m[first] - nodes_m[second]))
+    return Spring((first, second), parts.rest_share * design_m, parts.stiffness_n_m, parts.damping_n_s_m)
