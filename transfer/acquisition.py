@@ -1,0 +1,140 @@
+"""What makes a gait worth trying, and where in the unit cube that is greatest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SCAN = 500
+LOCAL = 100
+STARTS = 5
+STEPS = 12
+LOG_ROOT_2_PI = 0.5 * math.log(2.0 * math.pi)
+
+
+class Posterior(Protocol):
+    """What a model believes of the function at places of the unit cube, without noise."""
+
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """Return mean (m,) and variance (m,) at places (m, d)."""
+        ...
+
+    def predict_with_gradient(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Return mean (m,), variance (m,) and their gradients (m, d) each, at places (m, d)."""
+        ...
+
+
+class Acquisition(Protocol):
+    """A quantity to be maximised over the unit cube."""
+
+    def value(self, x: Array) -> Array:
+        """Return the values (m,) at places (m, d)."""
+        ...
+
+    def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
+        """Return values (m,) and gradients (m, d) at places (m, d)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LogExpectedImprovement:
+    """log E[max(f - incumbent, 0)], which unlike the expectation itself never underflows (Ament et al. 2023).
+
+    With s the posterior standard deviation and z = (mean - incumbent) / s it is log s + log h(z), see ``log_h``.
+    """
+
+    posterior: Posterior
+    incumbent: float
+
+    def value(self, x: Array) -> Array:
+        """Return the values (m,) at places (m, d)."""
+        mean, variance = self.posterior.predict(x)
+        sd = np.sqrt(variance)
+        return np.log(sd) + log_h((mean - self.incumbent) / sd)[0]
+
+    def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
+        """Return values (m,) and gradients (m, d) at places (m, d)."""
+        mean, variance, mean_gradient, variance_gradient = self.posterior.predict_with_gradient(x)
+        sd = np.sqrt(variance)
+        z = (mean - self.incumbent) / sd
+        log_h_z, slope = log_h(z)
+        log_sd_gradient = 0.5 * variance_gradient / variance[:, None]
+        z_gradient = mean_gradient / sd[:, None] - z[:, None] * log_sd_gradient
+        return np.log(sd) + log_h_z, log_sd_gradient + slope[:, None] * z_gradient
+
+
+@dataclass(frozen=True, slots=True)
+class PosteriorMean:
+    """The posterior mean: where it is greatest is the gait to recommend."""
+
+    posterior: Posterior
+
+    def value(self, x: Array) -> Array:
+        """Return the values (m,) at places (m, d)."""
+        return self.posterior.predict(x)[0]
+
+    def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
+        """Return values (m,) and gradients (m, d) at places (m, d)."""
+        mean, _, gradient, _ = self.posterior.predict_with_gradient(x)
+        return mean, gradient
+
+
+def log_h(z: Array) -> tuple[Array, Array]:
+    """Return log h(z) and its derivative, with h(z) = phi(z) + z Phi(z) of the standard normal distribution.
+
+    Below z = -4, with t = -z, h(z) = phi(z) c / (t + c), where c = 1 / (t + 2 / (t + 3 / (t + ...))) is the tail of the
+    continued fraction of Mills' ratio (Abramowitz and Stegun 26.2.14): no difference of nearly equal numbers is taken,
+    and the derivative is 1 / c.
+    """
+    log_value, slope = np.empty_like(z), np.empty_like(z)
+    far = z < -4.0
+    t = -z[far]
+    fraction = t.copy()
+    for k in range(24, 1, -1):
+        fraction = t + k / fraction
+    log_value[far] = -0.5 * t**2 - LOG_ROOT_2_PI - np.log1p(t * fraction)
+    slope[far] = fraction
+    near = z[~far]
+    below = 0.5 * np.array([math.erfc(value) for value in (near / -math.sqrt(2.0)).tolist()])
+    body = np.exp(-0.5 * near**2 - LOG_ROOT_2_PI) + near * below
+    log_value[~far], slope[~far] = np.log(body), below / body
+    return log_value, slope
+
+
+def maximise(acquisition: Acquisition, around: Array, rng: np.random.Generator) -> Array:
+    """Return the place (d,) of the unit cube where an acquisition is greatest, as far as a short search can tell.
+
+    A scan of random places, half as wide again near the places ``around``, then gradient ascent from the best of them.
+
+    Args:
+        acquisition: what to maximise.
+        around: (k, d) promising places, k >= 1; those in the cube are candidates themselves.
+        rng: where the random places come from.
+    """
+    dimension = around.shape[1]
+    near = around[rng.integers(len(around), size=LOCAL)] + rng.normal(0.0, 0.05, (LOCAL, dimension))
+    candidates = np.clip(np.concatenate([around, near, rng.random((SCAN, dimension))]), 0.0, 1.0)
+    order = np.argsort(-acquisition.value(candidates), kind="stable")
+    return _ascended(acquisition, candidates[order[:STARTS]])
+
+
+def _ascended(acquisition: Acquisition, x: Array) -> Array:
+    """Return the best of places (m, d) after some steps uphill from each, all in one batch."""
+    value, gradient = acquisition.value_and_gradient(x)
+    reach = np.full(len(x), 0.05)
+    for _ in range(STEPS):
+        # What points out of the cube is cut off, so that the step is spent along its faces.
+        uphill = np.where(((x <= 0.0) & (gradient < 0.0)) | ((x >= 1.0) & (gradient > 0.0)), 0.0, gradient)
+        length = np.maximum(np.linalg.norm(uphill, axis=1), 1e-300)
+        trial = np.clip(x + (reach / length)[:, None] * uphill, 0.0, 1.0)
+        trial_value, trial_gradient = acquisition.value_and_gradient(trial)
+        better = trial_value > value
+        x, gradient = np.where(better[:, None], trial, x), np.where(better[:, None], trial_gradient, gradient)
+        value, reach = np.where(better, trial_value, value), np.where(better, 1.6 * reach, 0.3 * reach)
+    return np.asarray(x[np.argmax(value)])

@@ -1,0 +1,57 @@
+"""The methods by name, each with what a user needs to choose one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from controller.interface import Optimizer
+from controller.types import GaitSpace, Source
+from transfer.plain_bo import PlainBO
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A way to learn.
+
+    Args:
+        description: one line for the user.
+        uses_sources: whether it needs at least one source; a method that does not takes none.
+        make: from space, seed and sources to an optimiser.
+    """
+
+    description: str
+    uses_sources: bool
+    make: Callable[[GaitSpace, int, Sequence[Source]], Optimizer]
+
+
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {
+        "plain": Method(
+            "Bayesian optimisation from nothing",
+            uses_sources=False,
+            make=lambda space, seed, _: PlainBO(space, seed),
+        ),
+    }
+)
+
+
+def make_optimizer(method: str, space: GaitSpace, seed: int, sources: Sequence[Source] = ()) -> Optimizer:
+    """Return an optimiser that has been told nothing yet.
+
+    Raises:
+        ValueError: there is no such method, it needs a source or takes none, or a source has another number of motors.
+    """
+    if method not in METHODS:
+        raise ValueError(f"there is no method {method!r}: choose one of {', '.join(METHODS)}")
+    if METHODS[method].uses_sources and not sources:
+        raise ValueError(f"method {method!r} learns from an earlier run: give it a source")
+    if sources and not METHODS[method].uses_sources:
+        able = ", ".join(name for name, entry in METHODS.items() if entry.uses_sources)
+        raise ValueError(f"method {method!r} takes no source: leave the source out, or choose one of {able}")
+    for source in sources:
+        motors = source.gaits[0].motor_count
+        if any(gait.motor_count != space.motor_count for gait in source.gaits):
+            raise ValueError(f"source {source.name} is of {motors} motors, the robot has {space.motor_count}")
+    return METHODS[method].make(space, seed, sources)

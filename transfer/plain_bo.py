@@ -1,0 +1,69 @@
+"""Plain-BO: Bayesian optimisation from nothing, the thesis' baseline."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.streams import stream
+from controller.types import GaitSpace
+from transfer.gp import Observations
+from transfer.initial_design import initial_design
+from transfer.scale import Scale
+from transfer.search import (
+    Belief,
+    Incumbent,
+    Proposal,
+    Search,
+    Trials,
+    best_mean,
+    expected_improvement,
+    named,
+    refitted,
+)
+
+INITIAL_TRIALS = 8
+
+
+class PlainBO(Search):
+    """A Gaussian process over the trials, and expected improvement one trial at a time.
+
+    Args:
+        space: the gaits to search.
+        seed: of all that is random.
+        initial_trials: how many trials are spread over the space before the model chooses. Not a share of the budget,
+            so that a run can be extended.
+        incumbent: what a new trial should improve upon.
+
+    Raises:
+        ValueError: there is no initial trial.
+    """
+
+    def __init__(
+        self,
+        space: GaitSpace,
+        seed: int,
+        initial_trials: int = INITIAL_TRIALS,
+        incumbent: Incumbent = best_mean,
+    ) -> None:
+        if initial_trials < 1:
+            raise ValueError(f"{initial_trials} initial trials: a model needs at least one")
+        design = initial_design(initial_trials, space.dimension, stream(seed, 0, "initial design"))
+
+        def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
+            if belief is None or len(trials) < initial_trials:
+                return Proposal(design[len(trials)], "initial design")
+            return expected_improvement(trials, belief, rng, incumbent)
+
+        def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief | None:
+            return learned_alone(space, trials, last, rng) if len(trials) else None
+
+        super().__init__(space, seed, learn, propose)
+
+
+def learned_alone(space: GaitSpace, trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief:
+    """Return what one or more trials say by themselves."""
+    scale = Scale.of(trials.scores)
+    observations = Observations.alike(trials.x, scale.standardise(trials.scores))
+    process = refitted(observations, last, len(trials), rng)
+    hyperparameters = process.hyperparameters
+    return Belief(process, scale, trials.x, hyperparameters.logs, named(space, scale, hyperparameters))
