@@ -1,0 +1,235 @@
+"""Set-points kept alive: one I/O thread per line, and the motor driver that every protocol shares.
+
+A protocol is a ``MotorLine``: it encodes and decodes. What holds for all of them is here, once: a set-point is
+repeated until its ``hold_s`` has run out and no longer; after that, and after any fault, the motors are told to stop
+again and again; a device that has gone quiet, a lost line and a fault are kept until the line is opened afresh.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Protocol
+
+from controller.interface import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+from controller.types import Gait, MotorState, Quantity
+
+WATCHDOG = "watchdog"  # code of the DeviceFault of a device that stopped its motors for want of commands
+_RETRY_S = 0.2
+_PRIORITY = 10
+
+
+class MotorLine(Protocol):
+    """The motors on one open line: what a new protocol has to write.
+
+    ``send``, ``repeat`` and ``rest`` are called from two threads, one at a time; ``listen`` from the I/O thread alone,
+    while the others may go on. Times are as ``time.monotonic()`` counts.
+    """
+
+    @property
+    def name(self) -> str:
+        """What to call the line in a message: its port."""
+        ...
+
+    @property
+    def motor_count(self) -> int:
+        """Number of motors."""
+        ...
+
+    @property
+    def quantities(self) -> frozenset[Quantity]:
+        """What of a gait the device can apply."""
+        ...
+
+    @property
+    def period_s(self) -> float:
+        """Time between two calls of ``repeat``; 0.02 where one call tells all motors."""
+        ...
+
+    @property
+    def watchdog_s(self) -> float:
+        """How long after the last set-point the device stops the motors by itself, at most."""
+        ...
+
+    @property
+    def heard_s(self) -> float:
+        """When the device last said something that made sense; of several devices, the most silent one."""
+        ...
+
+    def check(self, gait: Gait) -> None:
+        """Raise ValueError if the device cannot apply ``gait``. Sends nothing."""
+        ...
+
+    def send(self, gait: Gait) -> None:
+        """Send the set-point of all motors, without waiting. Raises LinkLost."""
+        ...
+
+    def repeat(self, gait: Gait) -> None:
+        """Send the set-point again; a slow line may do it one motor at a time. Raises LinkLost."""
+        ...
+
+    def rest(self) -> None:
+        """Send what stops all motors, without waiting. Idempotent. Raises LinkLost."""
+        ...
+
+    def listen(self, until_s: float) -> None:
+        """Take in what the device says, and ask it what it does not say by itself, until ``until_s``.
+
+        Raises:
+            LinkLost: the line is gone.
+            DeviceFault: the device reports a fault, or says what it should not.
+            DeviceTimeout: the device owes an answer.
+        """
+        ...
+
+    def state(self) -> MotorState:
+        """Return what the device last said that it applies."""
+        ...
+
+    def close(self) -> None:
+        """Leave the motors at rest and let go of the line. Never raises."""
+        ...
+
+
+class HeldMotors:
+    """A motor driver over a line: satisfies ``MotorDriver``.
+
+    Args:
+        open_line: opens the line, finds the device on it, arms its watchdog, and clears old faults; DeviceError if not.
+        stale_s: how long the device may say nothing.
+
+    Raises:
+        DeviceError: the line could not be opened.
+    """
+
+    def __init__(self, open_line: Callable[[], MotorLine], stale_s: float = 0.3) -> None:
+        self._open_line = open_line
+        self._stale_s = stale_s
+        self._sending = threading.Lock()
+        self._gait: Gait | None = None
+        self._until_s = 0.0
+        self._problem: DeviceError | None = None
+        self._open()
+
+    @property
+    def motor_count(self) -> int:
+        """Number of motors."""
+        return self._line.motor_count
+
+    @property
+    def quantities(self) -> frozenset[Quantity]:
+        """What of a gait the device can apply."""
+        return self._line.quantities
+
+    def drive(self, gait: Gait, hold_s: float) -> None:
+        """Send ``gait`` now and repeat it for ``hold_s``, then stop. Raises as ``MotorDriver.drive`` does."""
+        self._line.check(gait)
+        with self._sending:
+            self._raise_problem()
+            self._gait, self._until_s = gait, time.monotonic() + hold_s
+            self._line.send(gait)
+
+    def state(self) -> MotorState:
+        """Return what the device applies. Raises DeviceError for a fault, a lost line, or a device gone quiet."""
+        self._raise_problem()
+        self._check_heard()
+        return self._line.state()
+
+    def stop(self) -> None:
+        """Stop all motors now. Idempotent. Raises LinkLost if the device cannot be told."""
+        with self._sending:
+            self._gait = None
+            if isinstance(self._problem, LinkLost):
+                raise self._problem
+            if not self._closing.is_set():
+                self._line.rest()
+
+    def ready(self, patience_s: float = 0.0) -> None:
+        """Make the motors ready for a trial: after any fault, open the line afresh. For use between trials only.
+
+        Args:
+            patience_s: how long to go on trying, for a device that is still starting.
+
+        Raises:
+            DeviceError: the line could not be opened.
+        """
+        deadline_s = time.monotonic() + patience_s
+        while self._problem is not None:
+            self._shut()
+            try:
+                self._open()
+            except DeviceError:
+                if time.monotonic() > deadline_s:
+                    raise
+                time.sleep(_RETRY_S)
+
+    def close(self) -> None:
+        """Stop, then let go of the line. Idempotent."""
+        self._shut()
+
+    def _open(self) -> None:
+        self._line = self._open_line()
+        self._gait = None
+        self._problem = None
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"motors on {self._line.name}", daemon=True)
+        self._thread.start()
+
+    def _shut(self) -> None:
+        """Stop the motors and close the line; a lost line only lets the device's watchdog do the first."""
+        with suppress(DeviceError):
+            self.stop()
+        self._closing.set()
+        self._thread.join()
+        self._line.close()
+
+    def _run(self) -> None:
+        with suppress(PermissionError):  # where the system allows it, nothing else in the process delays this thread
+            os.sched_setscheduler(threading.get_native_id(), os.SCHED_FIFO, os.sched_param(_PRIORITY))
+        try:
+            self._keep_alive()
+        except BaseException as error:  # a defect: the motors rest, and the runner is told before the thread ends
+            self._give_up(DeviceFault("defect", f"{self._line.name}: {type(error).__name__}: {error}"))
+            raise
+
+    def _keep_alive(self) -> None:
+        deadline_s = time.monotonic()
+        while not self._closing.is_set():
+            deadline_s = max(deadline_s + self._line.period_s, time.monotonic())
+            try:
+                self._tell()
+                self._line.listen(deadline_s)
+                self._check_heard()
+            except LinkLost as error:
+                self._problem = error
+                return
+            except DeviceError as error:
+                self._give_up(error)
+
+    def _tell(self) -> None:
+        """Repeat the set-point while it holds, else rest."""
+        with self._sending:
+            if self._gait is not None and time.monotonic() < self._until_s:
+                self._line.repeat(self._gait)
+            else:
+                self._gait = None
+                self._line.rest()
+
+    def _give_up(self, problem: DeviceError) -> None:
+        """Keep the first problem, and rest until the line is opened afresh."""
+        with self._sending, suppress(LinkLost):
+            self._problem = self._problem or problem
+            self._gait = None
+            self._line.rest()
+
+    def _check_heard(self) -> None:
+        silence_s = time.monotonic() - self._line.heard_s
+        if silence_s > self._stale_s:
+            raise DeviceTimeout(f"{self._line.name}: the device has said nothing for {silence_s:.2f} s")
+
+    def _raise_problem(self) -> None:
+        if self._problem is not None:
+            raise self._problem
