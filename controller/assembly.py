@@ -1,0 +1,106 @@
+"""Puts a robot together from what was asked for: a twin in its condition, or hardware from its file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from controller.interface import UserError
+from controller.run_config import RobotChoice
+from controller.safety import GuardedRobot, Limits
+from controller.trial_runner import TrialSettings
+
+TWINS = {"planar": "prism3", "spatial": "icosahedron6"}
+"""The twins, each with its usual body."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """A robot ready for trials.
+
+    Args:
+        robot: with guarded motors; to be closed after use.
+        settings: how its trials are run unless something else is asked for.
+        range_hz: the frequencies to search unless others are asked for.
+    """
+
+    robot: GuardedRobot
+    settings: TrialSettings
+    range_hz: tuple[float, float]
+
+
+@contextmanager
+def one_line_errors() -> Iterator[None]:
+    """Turn the ValueErrors of the rooms below, which speak of what a user gave, into UserErrors."""
+    try:
+        yield
+    except ValueError as error:
+        raise UserError(str(error)) from error
+
+
+def choose_robot(asked: dict[str, Any]) -> RobotChoice:
+    """Return the complete choice for what was asked, keyed as in RobotChoice.
+
+    Raises:
+        UserError: there is no such robot, or its file is bad.
+    """
+    name = asked.get("name", "planar")
+    if name in TWINS:
+        usual = {"body": TWINS[name], "law": "eccentric", "world": "flat", "damage": ()}
+        with one_line_errors():
+            return _explicit(RobotChoice(**{**usual, **asked, "name": name}))
+    if not name.endswith(".toml"):
+        raise UserError(f"robot {name!r} is unknown: say {', '.join(TWINS)}, or name a robot's file, FILE.toml")
+    if condition := [key for key in asked if key != "name"]:
+        raise UserError(f"{condition[0]}: only a twin's can be chosen, and {name} is a real robot")
+    from controller.config import load_robot_file
+
+    return RobotChoice(name=name, file=msgspec.to_builtins(load_robot_file(Path(name))))
+
+
+def _explicit(choice: RobotChoice) -> RobotChoice:
+    """Return the choice of a twin with its world's gravity and friction written out."""
+    from twin.world import world_named
+
+    world = world_named(choice.world or "flat", choice.gravity_m_s2, choice.friction)
+    return msgspec.structs.replace(choice, gravity_m_s2=world.gravity_m_s2, friction=world.friction)
+
+
+def open_rig(choice: RobotChoice, seed: int) -> Rig:
+    """Open the robot.
+
+    Raises:
+        UserError: the choice is impossible.
+        DeviceError: the hardware does not answer as it should.
+    """
+    with one_line_errors():
+        return _open_twin(choice, seed) if choice.is_twin else _open_hardware(choice)
+
+
+def _open_twin(choice: RobotChoice, seed: int) -> Rig:
+    from twin.robot import planar_robot, spatial_robot
+
+    from twin.world import world_named
+
+    make = {"planar": planar_robot, "spatial": spatial_robot}[choice.name]
+    twin = make(
+        body=choice.body,
+        world=world_named(choice.world or "flat", choice.gravity_m_s2, choice.friction),
+        damage=choice.damage or (),
+        law=choice.law,
+        seed=seed,
+    )
+    return Rig(GuardedRobot(twin, Limits(twin.max_hz)), TrialSettings(), twin.range_hz)
+
+
+def _open_hardware(choice: RobotChoice) -> Rig:
+    from controller.config import robot_file_from
+    from controller.hardware import open_hardware
+
+    config = robot_file_from(choice.file or {}, choice.name)
+    return Rig(GuardedRobot(open_hardware(config), config.limits), config.trial_settings, config.range_hz)

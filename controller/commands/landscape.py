@@ -1,0 +1,101 @@
+"""`vvvaltr landscape`: speed over two motors, the third off."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, Namespace
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from controller.commands.answer import Answer, Command
+from controller.commands.options import add_robot_arguments, add_trial_arguments, asked_robot, number, whole
+from controller.interface import UserError
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
+    add_robot_arguments(parser)
+    add_trial_arguments(parser)
+    parser.add_argument("--grid", type=whole(2), default=15, metavar="N", help="frequencies per motor (default 15)")
+    parser.add_argument("--repeats", type=whole(1), default=3, metavar="N", help="trials per gait (default 3)")
+    parser.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
+                        help="frequencies in Hz")  # fmt: skip
+    parser.add_argument("--jobs", type=whole(1), default=1, metavar="N", help="processes (default 1)")
+    parser.add_argument("--out", type=Path, default=Path("landscape.png"), help="picture (default landscape.png)")
+
+
+def _execute(arguments: Namespace) -> Answer:
+    _refuse_bad_out(arguments.out)
+    survey = _survey(arguments)
+    from tqdm import tqdm
+
+    from controller.landscape import draw, measure
+
+    total = len(survey.pairs) * survey.grid**2
+    panels = measure(
+        survey, arguments.jobs, lambda speeds: tqdm(speeds, total=total, unit="gait", desc="landscape", file=sys.stderr)
+    )
+    condition = survey.choice
+    draw(panels, f"{condition.name} {condition.body} on {condition.world}, {survey.score_name} speed", arguments.out)
+    result: dict[str, Any] = {
+        "out": str(arguments.out),
+        "panels": [
+            {
+                "motors": [motor + 1 for motor in panel.motors],
+                "frequency_hz": panel.frequency_hz,
+                "speed_m_s": [[None if speed != speed else speed for speed in row] for row in panel.speed_m_s.tolist()],
+            }
+            for panel in panels
+        ],
+    }
+    return Answer(f"{total} gaits, {survey.repeats} trials each: {arguments.out}", result)
+
+
+def _refuse_bad_out(out: Path) -> None:
+    from importlib.util import find_spec
+
+    if find_spec("matplotlib") is None:
+        raise UserError('the picture needs matplotlib: pip install "vvvaltr[report]"')
+    if out.suffix not in (".png", ".pdf", ".svg"):
+        raise UserError(f"--out {out}: a picture's name ends in .png, .pdf or .svg")
+    if out.exists():
+        raise UserError(f"--out {out} exists: choose another name, or move it away")
+    out.parent.mkdir(parents=True, exist_ok=True)
+
+
+def _survey(arguments: Namespace) -> Any:
+    from controller.assembly import choose_robot, one_line_errors, open_rig
+    from controller.landscape import Survey
+    from controller.types import Gait
+
+    choice = choose_robot(asked_robot(arguments))
+    if not choice.is_twin:
+        raise UserError(f"robot {choice.name}: a landscape takes hundreds of trials; it is made on a twin only")
+    seed = arguments.seed or 0
+    rig = open_rig(choice, seed)
+    with closing(rig.robot), one_line_errors():
+        motor_count = rig.robot.motors.motor_count
+        range_hz = tuple(arguments.range_hz or rig.range_hz)
+        for frequency_hz in range_hz:
+            rig.robot.limits.check(Gait((frequency_hz,) * motor_count))
+        if not range_hz[0] < range_hz[1]:
+            raise ValueError(f"--range {range_hz[0]:g} {range_hz[1]:g} is empty: give the lower frequency first")
+    return Survey(
+        choice=choice,
+        seed=seed,
+        settings=replace(rig.settings, duration_s=arguments.duration_s or rig.settings.duration_s),
+        score_name=arguments.score or "net",
+        range_hz=range_hz,
+        motor_count=motor_count,
+        grid=arguments.grid,
+        repeats=arguments.repeats,
+    )
+
+
+COMMAND = Command(
+    help="draw the speed over two motors, the third off (three panels)",
+    example="vvvaltr landscape --robot planar --grid 15 --out landscape.png",
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

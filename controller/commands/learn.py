@@ -1,0 +1,125 @@
+"""`vvvaltr learn`: find a good gait."""
+
+from __future__ import annotations
+
+import sys
+import time
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterable
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from controller.commands.answer import Answer, Command
+from controller.commands.options import add_robot_arguments, add_trial_arguments, asked_robot, number, one_of, whole
+from controller.commands.rerun_extra import has_rerun, require_rerun
+
+if TYPE_CHECKING:
+    from controller.run import RunDirectory
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
+    add_robot_arguments(parser)
+    add_trial_arguments(parser)
+    group = parser.add_argument_group("learning")
+    group.add_argument("--trials", type=whole(1), metavar="N", help="valid trials to make (default 40)")
+    group.add_argument("--method", help="the optimiser (default: plain, or efficient with a source)")
+    group.add_argument("--source", action="append", metavar="RUN", help="a run to learn from; repeatable")
+    group.add_argument("--optimise", type=one_of("frequency", "phase", "amplitude"), metavar="WHAT,...",
+                       help="what to search: frequency, phase, amplitude (default frequency)")  # fmt: skip
+    group.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
+                       help="frequencies to search in Hz; negative ones turn the other way")  # fmt: skip
+    group = parser.add_argument_group("run")
+    where = group.add_mutually_exclusive_group()
+    where.add_argument("--out", type=Path, metavar="DIR", help="a new directory for the run (default below runs/)")
+    where.add_argument("--resume", type=Path, metavar="DIR", help="go on with this run, as it would have gone on")
+    group.add_argument("--live", action="store_true", help="show the run in Rerun while it learns")
+
+
+def _execute(arguments: Namespace) -> Answer:
+    from controller.run import RunDirectory
+
+    if arguments.live:
+        require_rerun()
+    asked = _asked(arguments)
+    if arguments.resume is not None:
+        run = RunDirectory.resume(arguments.resume, asked)
+    else:
+        run = RunDirectory.create(arguments.out or _default_directory(asked), asked)
+    try:
+        with closing(run):
+            _learn(run, live=arguments.live)
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(f"{interrupt}; the run is saved, go on by --resume {run.path}") from None
+    finally:
+        result = run.summarise()
+    return Answer(_prose(result, _recorded(run)), result)
+
+
+def _asked(arguments: Namespace) -> dict[str, Any]:
+    """Return what was asked for, keyed as in RunConfig; what was not given is absent."""
+    asked: dict[str, Any] = {"robot": asked_robot(arguments)}
+    for key in ("method", "seed", "trials", "duration_s", "score", "optimise", "range_hz"):
+        if (value := getattr(arguments, key)) is not None:
+            asked[key] = value
+    if arguments.source:
+        asked["sources"] = tuple(arguments.source)
+    return asked
+
+
+def _default_directory(asked: dict[str, Any]) -> Path:
+    robot = Path(asked["robot"].get("name", "planar")).stem
+    return Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{robot}"
+
+
+def _learn(run: RunDirectory, live: bool) -> None:
+    from tqdm import tqdm
+
+    done = sum(logged.score is not None for logged in run.trials)
+    with ExitStack() as stack:
+        view = stack.enter_context(closing(run.live_view())) if live else None
+        bar = stack.enter_context(
+            tqdm(total=run.config.trials, initial=done, unit="trial", desc="learning", file=sys.stderr)
+        )
+        for logged in run.learn():
+            if view is not None:
+                view.update(logged)
+            if logged.score is None:
+                bar.write(f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}", sys.stderr)
+            else:
+                bar.set_postfix_str(f"{1000 * logged.score:.1f} mm/s", refresh=False)
+                bar.update()
+
+
+def _recorded(run: RunDirectory) -> bool:
+    """Leave a Rerun recording beside the log where Rerun is installed, and return whether it is."""
+    if not has_rerun():
+        return False
+    print("making the Rerun recording", file=sys.stderr, flush=True)
+    run.save_recording(run.path / "run.rrd")
+    return True
+
+
+def _prose(result: dict[str, Any], recorded: bool) -> str:
+    best = result["recommended"]
+    lines: Iterable[str] = (
+        f"best gait  {' '.join(f'{frequency:.2f}' for frequency in best['gait_hz'])} Hz",
+        f"speed      {_mm_s(best['mean_m_s'])} mm/s (posterior mean), "
+        f"95 % interval {_mm_s(best['low_m_s'])} to {_mm_s(best['high_m_s'])} mm/s",
+        f"trials     {result['trials']} ({', '.join(f'{count} {name}' for name, count in result['outcomes'].items())})",
+        f"run        {result['run']}",
+        f"view it    vvvaltr view {result['run']}" if recorded else 'view it    pip install "vvvaltr[rerun]"',
+    )
+    return "\n".join(lines)
+
+
+def _mm_s(speed_m_s: float) -> str:
+    return f"{1000.0 * speed_m_s:.1f}"
+
+
+COMMAND = Command(
+    help="find a good gait by trying, in few trials",
+    example="vvvaltr learn --robot planar --trials 40 --seed 1 --out runs/flat",
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,61 @@
+"""`vvvaltr run`: one gait, one trial."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from contextlib import closing
+from dataclasses import replace
+from typing import Any
+
+from controller.commands.answer import Answer, Command
+from controller.commands.options import add_robot_arguments, add_trial_arguments, asked_robot, number
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("frequency_hz", nargs="+", type=number(), metavar="F", help="of each motor, in Hz; 0 is off")
+    parser.add_argument("--phase", nargs="+", type=number(), default=[], metavar="RAD", help="of each motor")
+    parser.add_argument(
+        "--amplitude", nargs="+", type=number(), default=[], metavar="SHARE", help="of each motor, 0..1"
+    )
+    add_robot_arguments(parser)
+    add_trial_arguments(parser)
+
+
+def _execute(arguments: Namespace) -> Answer:
+    from controller.assembly import choose_robot, one_line_errors, open_rig
+    from controller.scoring import score
+    from controller.trial_runner import run_trial
+    from controller.types import Gait
+
+    choice = choose_robot(asked_robot(arguments))
+    rig = open_rig(choice, arguments.seed or 0)
+    with closing(rig.robot):
+        with one_line_errors():
+            gait = Gait(tuple(arguments.frequency_hz), tuple(arguments.phase), tuple(arguments.amplitude))
+            rig.robot.limits.check(gait)
+        settings = replace(rig.settings, duration_s=arguments.duration_s or rig.settings.duration_s)
+        trial = run_trial(rig.robot, gait, settings)
+    speed_m_s = score(trial, arguments.score or "net") if trial.outcome.is_valid else None
+    result: dict[str, Any] = {
+        "outcome": trial.outcome.value,
+        "reason": trial.reason,
+        "score_m_s": speed_m_s,
+        "gait_hz": list(gait.frequency_hz),
+        "duration_s": trial.duration_s,
+    }
+    return Answer(_prose(result), result, status=0 if trial.outcome.is_valid else 1)
+
+
+def _prose(result: dict[str, Any]) -> str:
+    ending = result["outcome"] + (f" ({result['reason']})" if result["reason"] else "")
+    if result["score_m_s"] is None:
+        return f"{ending}: nothing was measured"
+    return f"{ending}: {1000 * result['score_m_s']:.1f} mm/s over {result['duration_s']:.2f} s, once; repeats scatter"
+
+
+COMMAND = Command(
+    help="run one gait, one trial",
+    example="vvvaltr run 12 -14 9 --robot planar --duration 5",
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,154 @@
+"""A run on disk: `run.toml`, `trials.mcap`, `summary.json`; made, learned on, resumed, read back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from controller.assembly import Rig, choose_robot, one_line_errors, open_rig
+from controller.interface import Optimizer, UserError
+from controller.learn import Budget, learn, source_from, summary
+from controller.recording import LOG_NAME, LoggedTrial, RunLog, read_run
+from controller.run_config import RunConfig, load_config, refuse_difference, save_config
+from controller.types import Gait, GaitSpace, Quantity, Source
+from transfer.methods import make_optimizer
+
+
+class RunDirectory:
+    """One run, open for learning: its robot and its log are open."""
+
+    def __init__(
+        self, path: Path, config: RunConfig, rig: Rig, optimizer: Optimizer, log: RunLog, trials: Sequence[LoggedTrial]
+    ) -> None:
+        self.path = path
+        self.config = config
+        self.optimizer = optimizer
+        self.trials = list(trials)
+        self._rig = rig
+        self._log = log
+
+    @classmethod
+    def create(cls, path: Path, asked: dict[str, Any]) -> RunDirectory:
+        """Begin a new run in ``path`` with what was asked for, keyed as in RunConfig.
+
+        Raises:
+            UserError: something asked for is impossible, or ``path`` exists; nothing has been written.
+            DeviceError: the robot cannot be opened.
+        """
+        if path.exists():
+            raise UserError(f"{path} exists: choose another --out, or go on with it by --resume {path}")
+        score_name = asked.get("score", "net")
+        sources = tuple(load_source(Path(name), score_name) for name in asked.get("sources", ()))
+        choice = choose_robot(asked.get("robot", {}))
+        rig = open_rig(choice, asked.get("seed", 0))
+        with ExitStack() as undo:
+            undo.callback(rig.robot.close)
+            config = _complete({**asked, "robot": choice}, rig)
+            optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
+            _make_directory(path)
+            save_config(config, path / "run.toml")
+            log = RunLog.create(path / LOG_NAME, rig.robot.structure, sources)
+            undo.pop_all()
+        return cls(path, config, rig, optimizer, log, ())
+
+    @classmethod
+    def resume(cls, path: Path, asked: dict[str, Any]) -> RunDirectory:
+        """Open the run in ``path`` to go on with it; a torn log is recovered.
+
+        Raises:
+            UserError: there is no run, or it differs from what was asked for; nothing has been written.
+            DeviceError: the robot cannot be opened.
+        """
+        config = load_config(path)
+        refuse_difference(config, asked)
+        config = msgspec.structs.replace(config, trials=asked.get("trials", config.trials))
+        sources = read_run(path / LOG_NAME).sources
+        rig = open_rig(config.robot, config.seed)
+        with ExitStack() as undo:
+            undo.callback(rig.robot.close)
+            optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
+            log, logged = RunLog.recover(path / LOG_NAME)
+            save_config(config, path / "run.toml")
+            undo.pop_all()
+        return cls(path, config, rig, optimizer, log, logged.trials)
+
+    def learn(self) -> Iterator[LoggedTrial]:
+        """Make the trials that are still to be made; see ``controller.learn.learn`` for what is raised."""
+        settings = replace(self._rig.settings, duration_s=self.config.duration_s)
+        budget = Budget(self.config.trials, self.config.score)
+        return learn(self._rig.robot, self.optimizer, settings, budget, self._record, tuple(self.trials))
+
+    def summarise(self) -> dict[str, Any]:
+        """Write `summary.json` and return what is in it."""
+        about = {"run": str(self.path), "robot": self.config.robot.name, "method": self.config.method}
+        result = {**about, **summary(self.trials)}
+        (self.path / "summary.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        return result
+
+    def close(self) -> None:
+        """Stop the motors, let go of the robot and close the log."""
+        with closing(self._log), closing(self._rig.robot):
+            pass
+
+    def _record(self, logged: LoggedTrial) -> None:
+        self._log.append(logged)
+        self.trials.append(logged)
+
+
+def load_source(path: Path, score_name: str) -> Source:
+    """Return the valid trials of another run (its directory or its log), scored by the score named ``score_name``.
+
+    Raises:
+        UserError: it is no run, or has no valid trial.
+    """
+    log = path / LOG_NAME if path.is_dir() else path
+    with one_line_errors():
+        return source_from(str(path), read_run(log).trials, score_name)
+
+
+def search_space(config: RunConfig, motor_count: int) -> GaitSpace:
+    """Return the gaits that the run searches."""
+    return GaitSpace.over(motor_count, *config.range_hz, tuple(map(Quantity, config.optimise)))
+
+
+def build_optimizer(config: RunConfig, motor_count: int, sources: Sequence[Source]) -> Optimizer:
+    """Return the run's optimiser before its first trial. Raises UserError if method, sources and space do not fit."""
+    with one_line_errors():
+        return make_optimizer(config.method, search_space(config, motor_count), config.seed, sources)
+
+
+def _make_directory(path: Path) -> None:
+    try:
+        path.mkdir(parents=True)
+    except OSError as error:
+        raise UserError(f"{path} cannot be made: {error.strerror}; choose another --out") from error
+
+
+def _complete(asked: dict[str, Any], rig: Rig) -> RunConfig:
+    """Return the whole configuration: what was asked for, and the defaults."""
+    usual = {
+        "method": "efficient" if asked.get("sources") else "plain",
+        "sources": (),
+        "seed": 0,
+        "trials": 40,
+        "duration_s": rig.settings.duration_s,
+        "score": "net",
+        "optimise": (Quantity.FREQUENCY.value,),
+        "range_hz": rig.range_hz,
+    }
+    config = RunConfig(**{**usual, **asked})
+    motors = rig.robot.motors
+    with one_line_errors():
+        for frequency_hz in config.range_hz:
+            rig.robot.limits.check(Gait((frequency_hz,) * motors.motor_count))
+    if unable := set(config.optimise) - motors.quantities:
+        raise UserError(f"optimise: the motors of {config.robot.name} cannot set their {unable.pop()}")
+    if Quantity.FREQUENCY not in config.optimise:
+        raise UserError("optimise: frequency must be among what is searched")
+    return config
