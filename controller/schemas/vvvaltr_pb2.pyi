@@ -1,0 +1,168 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class Gait(_message.Message):
+    __slots__ = ("frequency_hz", "phase_rad", "amplitude")
+    FREQUENCY_HZ_FIELD_NUMBER: _ClassVar[int]
+    PHASE_RAD_FIELD_NUMBER: _ClassVar[int]
+    AMPLITUDE_FIELD_NUMBER: _ClassVar[int]
+    frequency_hz: _containers.RepeatedScalarFieldContainer[float]
+    phase_rad: _containers.RepeatedScalarFieldContainer[float]
+    amplitude: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, frequency_hz: _Optional[_Iterable[float]] = ..., phase_rad: _Optional[_Iterable[float]] = ..., amplitude: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Estimate(_message.Message):
+    __slots__ = ("mean_m_s", "low_m_s", "high_m_s")
+    MEAN_M_S_FIELD_NUMBER: _ClassVar[int]
+    LOW_M_S_FIELD_NUMBER: _ClassVar[int]
+    HIGH_M_S_FIELD_NUMBER: _ClassVar[int]
+    mean_m_s: float
+    low_m_s: float
+    high_m_s: float
+    def __init__(self, mean_m_s: _Optional[float] = ..., low_m_s: _Optional[float] = ..., high_m_s: _Optional[float] = ...) -> None: ...
+
+class Edge(_message.Message):
+    __slots__ = ("first", "second")
+    FIRST_FIELD_NUMBER: _ClassVar[int]
+    SECOND_FIELD_NUMBER: _ClassVar[int]
+    first: int
+    second: int
+    def __init__(self, first: _Optional[int] = ..., second: _Optional[int] = ...) -> None: ...
+
+class Terrain(_message.Message):
+    __slots__ = ("x_m", "y_m", "height_m")
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_M_FIELD_NUMBER: _ClassVar[int]
+    x_m: _containers.RepeatedScalarFieldContainer[float]
+    y_m: _containers.RepeatedScalarFieldContainer[float]
+    height_m: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, x_m: _Optional[_Iterable[float]] = ..., y_m: _Optional[_Iterable[float]] = ..., height_m: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Structure(_message.Message):
+    __slots__ = ("struts", "springs", "motor_struts", "terrain")
+    STRUTS_FIELD_NUMBER: _ClassVar[int]
+    SPRINGS_FIELD_NUMBER: _ClassVar[int]
+    MOTOR_STRUTS_FIELD_NUMBER: _ClassVar[int]
+    TERRAIN_FIELD_NUMBER: _ClassVar[int]
+    struts: _containers.RepeatedCompositeFieldContainer[Edge]
+    springs: _containers.RepeatedCompositeFieldContainer[Edge]
+    motor_struts: _containers.RepeatedScalarFieldContainer[int]
+    terrain: Terrain
+    def __init__(self, struts: _Optional[_Iterable[_Union[Edge, _Mapping]]] = ..., springs: _Optional[_Iterable[_Union[Edge, _Mapping]]] = ..., motor_struts: _Optional[_Iterable[int]] = ..., terrain: _Optional[_Union[Terrain, _Mapping]] = ...) -> None: ...
+
+class Source(_message.Message):
+    __slots__ = ("name", "gaits", "scores_m_s")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    GAITS_FIELD_NUMBER: _ClassVar[int]
+    SCORES_M_S_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    gaits: _containers.RepeatedCompositeFieldContainer[Gait]
+    scores_m_s: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, name: _Optional[str] = ..., gaits: _Optional[_Iterable[_Union[Gait, _Mapping]]] = ..., scores_m_s: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Run(_message.Message):
+    __slots__ = ("format", "structure", "sources")
+    FORMAT_FIELD_NUMBER: _ClassVar[int]
+    STRUCTURE_FIELD_NUMBER: _ClassVar[int]
+    SOURCES_FIELD_NUMBER: _ClassVar[int]
+    format: int
+    structure: Structure
+    sources: _containers.RepeatedCompositeFieldContainer[Source]
+    def __init__(self, format: _Optional[int] = ..., structure: _Optional[_Union[Structure, _Mapping]] = ..., sources: _Optional[_Iterable[_Union[Source, _Mapping]]] = ...) -> None: ...
+
+class Suggestion(_message.Message):
+    __slots__ = ("gait", "origin", "expected", "hyperparameters")
+    class HyperparametersEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: float
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[float] = ...) -> None: ...
+    GAIT_FIELD_NUMBER: _ClassVar[int]
+    ORIGIN_FIELD_NUMBER: _ClassVar[int]
+    EXPECTED_FIELD_NUMBER: _ClassVar[int]
+    HYPERPARAMETERS_FIELD_NUMBER: _ClassVar[int]
+    gait: Gait
+    origin: str
+    expected: Estimate
+    hyperparameters: _containers.ScalarMap[str, float]
+    def __init__(self, gait: _Optional[_Union[Gait, _Mapping]] = ..., origin: _Optional[str] = ..., expected: _Optional[_Union[Estimate, _Mapping]] = ..., hyperparameters: _Optional[_Mapping[str, float]] = ...) -> None: ...
+
+class Tracking(_message.Message):
+    __slots__ = ("t_s", "x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "roll_rad", "markers_m")
+    T_S_FIELD_NUMBER: _ClassVar[int]
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    Z_M_FIELD_NUMBER: _ClassVar[int]
+    YAW_RAD_FIELD_NUMBER: _ClassVar[int]
+    PITCH_RAD_FIELD_NUMBER: _ClassVar[int]
+    ROLL_RAD_FIELD_NUMBER: _ClassVar[int]
+    MARKERS_M_FIELD_NUMBER: _ClassVar[int]
+    t_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float
+    pitch_rad: float
+    roll_rad: float
+    markers_m: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, t_s: _Optional[float] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ..., yaw_rad: _Optional[float] = ..., pitch_rad: _Optional[float] = ..., roll_rad: _Optional[float] = ..., markers_m: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Command(_message.Message):
+    __slots__ = ("t_s", "gait", "hold_s")
+    T_S_FIELD_NUMBER: _ClassVar[int]
+    GAIT_FIELD_NUMBER: _ClassVar[int]
+    HOLD_S_FIELD_NUMBER: _ClassVar[int]
+    t_s: float
+    gait: Gait
+    hold_s: float
+    def __init__(self, t_s: _Optional[float] = ..., gait: _Optional[_Union[Gait, _Mapping]] = ..., hold_s: _Optional[float] = ...) -> None: ...
+
+class MotorState(_message.Message):
+    __slots__ = ("t_s", "frequency_hz", "measured", "current_a", "temperature_c")
+    T_S_FIELD_NUMBER: _ClassVar[int]
+    FREQUENCY_HZ_FIELD_NUMBER: _ClassVar[int]
+    MEASURED_FIELD_NUMBER: _ClassVar[int]
+    CURRENT_A_FIELD_NUMBER: _ClassVar[int]
+    TEMPERATURE_C_FIELD_NUMBER: _ClassVar[int]
+    t_s: float
+    frequency_hz: _containers.RepeatedScalarFieldContainer[float]
+    measured: bool
+    current_a: _containers.RepeatedScalarFieldContainer[float]
+    temperature_c: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, t_s: _Optional[float] = ..., frequency_hz: _Optional[_Iterable[float]] = ..., measured: bool = ..., current_a: _Optional[_Iterable[float]] = ..., temperature_c: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Recommendation(_message.Message):
+    __slots__ = ("gait", "estimate")
+    GAIT_FIELD_NUMBER: _ClassVar[int]
+    ESTIMATE_FIELD_NUMBER: _ClassVar[int]
+    gait: Gait
+    estimate: Estimate
+    def __init__(self, gait: _Optional[_Union[Gait, _Mapping]] = ..., estimate: _Optional[_Union[Estimate, _Mapping]] = ...) -> None: ...
+
+class Trial(_message.Message):
+    __slots__ = ("number", "gait", "outcome", "reason", "started_unix_s", "duration_s", "score_m_s", "recommendation")
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
+    GAIT_FIELD_NUMBER: _ClassVar[int]
+    OUTCOME_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    STARTED_UNIX_S_FIELD_NUMBER: _ClassVar[int]
+    DURATION_S_FIELD_NUMBER: _ClassVar[int]
+    SCORE_M_S_FIELD_NUMBER: _ClassVar[int]
+    RECOMMENDATION_FIELD_NUMBER: _ClassVar[int]
+    number: int
+    gait: Gait
+    outcome: str
+    reason: str
+    started_unix_s: float
+    duration_s: float
+    score_m_s: float
+    recommendation: Recommendation
+    def __init__(self, number: _Optional[int] = ..., gait: _Optional[_Union[Gait, _Mapping]] = ..., outcome: _Optional[str] = ..., reason: _Optional[str] = ..., started_unix_s: _Optional[float] = ..., duration_s: _Optional[float] = ..., score_m_s: _Optional[float] = ..., recommendation: _Optional[_Union[Recommendation, _Mapping]] = ...) -> None: ...
