@@ -8,7 +8,7 @@ import json
 import sys
 import traceback
 from collections.abc import Sequence
-from importlib.metadata import version
+from typing import Any
 
 from controller.commands.answer import Answer, Command
 from controller.interface import DeviceError, TrackingLost, UserError
@@ -44,7 +44,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="example: vvvaltr learn --robot planar --trials 40 --seed 1",
         allow_abbrev=False,
     )
-    parser.add_argument("--version", action="version", version=f"vvvaltr {version('vvvaltr')}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name in COMMANDS:
         command: Command = importlib.import_module(f"controller.commands.{name}").COMMAND
@@ -60,6 +60,14 @@ def _parser() -> argparse.ArgumentParser:
         command_parser.add_argument("--debug", action="store_true", help="show where an unexpected error came from")
         command_parser.set_defaults(execute=command.execute)
     return parser
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from importlib.metadata import version  # here, because it is slow to import
+
+        print(f"vvvaltr {version('vvvaltr')}")
+        parser.exit()
 
 
 def _print(answer: Answer | None, as_json: bool) -> int:

@@ -9,10 +9,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 Vector = tuple[float, float, float]
 
@@ -146,9 +147,10 @@ class GaitSpace:
 
     def to_unit(self, gait: Gait) -> NDArray[np.float64]:
         """Return the gait's place in the unit cube, shape (dimension,); outside of it if the gait is out of bounds."""
+        import numpy as np  # here, so that the command line's help need not wait for it
+
         values = [getattr(gait, p.quantity.field)[p.motor] for p in self.parameters]
-        low, high = self._bounds()
-        return np.asarray((np.asarray(values) - low) / (high - low))
+        return np.array([(v - p.low) / (p.high - p.low) for v, p in zip(values, self.parameters, strict=True)])
 
     def from_unit(self, unit: NDArray[np.float64]) -> Gait:
         """Return the gait at a place of the unit cube, shape (dimension,).
@@ -156,16 +158,13 @@ class GaitSpace:
         Raises:
             ValueError: the place has another shape, or lies outside the cube by more than rounding.
         """
-        if unit.shape != (self.dimension,) or not np.all(np.abs(unit - 0.5) <= 0.5 + 1e-9):
+        places = unit.tolist()
+        if unit.shape != (self.dimension,) or not all(-1e-9 <= place <= 1.0 + 1e-9 for place in places):
             raise ValueError(f"{unit} is not a place in the unit cube of {self.dimension} parameters")
-        low, high = self._bounds()
         numbers = {quantity: list(getattr(self.rest, quantity.field)) for quantity in Quantity}
-        for parameter, value in zip(self.parameters, np.clip(low + unit * (high - low), low, high), strict=True):
-            numbers[parameter.quantity][parameter.motor] = float(value)
+        for p, place in zip(self.parameters, places, strict=True):
+            numbers[p.quantity][p.motor] = min(max(p.low + place * (p.high - p.low), p.low), p.high)
         return Gait(*(tuple(numbers[quantity]) for quantity in Quantity))
-
-    def _bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return np.array([p.low for p in self.parameters]), np.array([p.high for p in self.parameters])
 
 
 @dataclass(frozen=True, slots=True)
