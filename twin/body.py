@@ -10,11 +10,14 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.types import Structure, Terrain, Vector
+
+Number = TypeVar("Number", float, NDArray[np.float64])
 
 
 class Shape(StrEnum):
@@ -52,9 +55,10 @@ class ConstantForce:
 
     force_n: float
 
-    def at(self, frequency_hz: float) -> float:
-        """Return the size of the force in newtons."""
-        return self.force_n * min(1.0, abs(frequency_hz))
+    def at(self, frequency_hz: Number) -> Number:
+        """Return the size of the force in newtons, for one frequency or an array of them."""
+        fade: Number = np.minimum(1.0, abs(frequency_hz))
+        return self.force_n * fade
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +67,8 @@ class EccentricForce:
 
     mass_radius_kg_m: float
 
-    def at(self, frequency_hz: float) -> float:
-        """Return the size of the force in newtons."""
+    def at(self, frequency_hz: Number) -> Number:
+        """Return the size of the force in newtons, for one frequency or an array of them."""
         return self.mass_radius_kg_m * (2.0 * math.pi * frequency_hz) ** 2
 
 

@@ -27,6 +27,9 @@ class Start:
     pitch_rad: float = 0.0
 
 
+LEVEL = Start()
+
+
 class Diverged(DeviceFault):
     """The simulated state is no longer a motion: not finite, or with an energy that nothing could have put in."""
 
@@ -52,7 +55,7 @@ class Engine(Protocol):
         """Simulated time since the reset."""
         ...
 
-    def reset(self, start: Start = Start()) -> None:
+    def reset(self, start: Start = LEVEL) -> None:
         """Put the settled robot down at ``start``, at rest, motors still, time 0."""
         ...
 

@@ -20,6 +20,11 @@ Array = NDArray[np.float64]
 class Flat:
     """Level ground."""
 
+    @property
+    def straight_m(self) -> float:
+        """Length over which the ground is as good as straight."""
+        return 100.0
+
     def at(self, x_m: Array, y_m: Array) -> Array:
         """Return the heights in metres at points of the plane."""
         return 0.0 * (x_m + y_m)
@@ -33,6 +38,11 @@ class Slope:
 
     def __post_init__(self) -> None:
         _allow("angle_rad", self.angle_rad, -0.5, 0.5)
+
+    @property
+    def straight_m(self) -> float:
+        """Length over which the ground is as good as straight."""
+        return 100.0
 
     def at(self, x_m: Array, y_m: Array) -> Array:
         """Return the heights in metres at points of the plane."""
@@ -57,6 +67,11 @@ class Hills:
         _allow("height_m", self.height_m, 0.0, 0.1)
         _allow("wavelength_m", self.wavelength_m, 0.02, 10.0)
         _allow("seed", self.seed, 0, 2**31)
+
+    @property
+    def straight_m(self) -> float:
+        """Length over which the ground is as good as straight."""
+        return self.wavelength_m / 20.0
 
     def at(self, x_m: Array, y_m: Array) -> Array:
         """Return the heights in metres at points of the plane."""
@@ -97,9 +112,9 @@ class World:
         return self.ground.at(np.asarray(x_m, dtype=np.float64), np.asarray(y_m, dtype=np.float64))
 
 
-def terrain_grid(world: World, half_width_m: float = 0.5, spacing_m: float = 0.02) -> types.Terrain:
-    """Return the ground around the origin as a square grid for a viewer; level and sloping ground need four points."""
-    points = 2 * round(half_width_m / spacing_m) + 1 if isinstance(world.ground, Hills) else 2
+def terrain_grid(world: World, half_width_m: float = 0.5) -> types.Terrain:
+    """Return the ground around the origin as a square grid for a viewer."""
+    points = 1 + max(1, math.ceil(2.0 * half_width_m / world.ground.straight_m))
     line = np.linspace(-half_width_m, half_width_m, points)
     heights = world.height_m(line[:, None], line[None, :])
     return types.Terrain(tuple(line.tolist()), tuple(line.tolist()), tuple(map(tuple, heights.tolist())))

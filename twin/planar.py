@@ -1,0 +1,165 @@
+"""The planar twin: a robot in the vertical plane x-z, on pymunk. Light enough for the robot's own computer.
+
+A body is laid into the plane as it is seen along its axis of symmetry, see ``plane.flattened``. The forces of its
+motors turn in that plane, in the frame of their strut.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.types import Gait
+from twin.body import Body, ConstantForce, EccentricForce, ForceLaw, Motor, Parts
+from twin.engine import LEVEL, Diverged, Start
+from twin.plane import Plane, Posture, flattened
+from twin.stepper import STEPS_AT_ONCE
+from twin.world import World
+
+Array = NDArray[np.float64]
+
+# For each force law of the motors the law and the frequencies to search; a motor turns no faster than these.
+LAWS: dict[str, tuple[ForceLaw, tuple[float, float]]] = {
+    "eccentric": (EccentricForce(4.5e-5), (4.0, 16.7)),
+    "constant": (ConstantForce(0.35), (5.0, 50.0)),
+}
+SEARCH_HZ = LAWS["eccentric"][1]
+
+PLANAR_PARTS = Parts(
+    total_kg=0.080,
+    motor_kg=0.004,
+    law=LAWS["eccentric"][0],
+    max_hz=SEARCH_HZ[1],
+    stiffness_n_m=200.0,
+    damping_n_s_m=1.0,
+    rest_share=0.55,
+    radius_m=0.003,
+    tension_only=False,
+)
+
+FORMING_S, SETTLING_S = 1.0, 2.0
+SAME_HZ = 1e-6
+MOST_J = 20.0  # of motion: the whole robot at 22 m/s; strong gaits reach some thousandths
+
+
+def default_time_step_s(body: Body) -> float:
+    """Return the time step at which gaits rank as they do at finer ones: 2 ms for three struts, 1 ms for more."""
+    return 0.002 if len(body.struts) <= 3 else 0.001
+
+
+class PlanarEngine:
+    """``Engine`` in the vertical plane y = 0. Yaw and roll are 0; the rotation in the plane is the pitch.
+
+    Args:
+        body, world: what moves where.
+        time_step_s: of the integration; 0 for ``default_time_step_s``.
+    """
+
+    def __init__(self, body: Body, world: World, time_step_s: float = 0.0) -> None:
+        self.body = body
+        self.world = world
+        self.time_step_s = time_step_s or default_time_step_s(body)
+        self._settled = _settled(body, world.gravity_m_s2, world.friction, self.time_step_s)
+        self.reset()
+
+    def reset(self, start: Start = LEVEL) -> None:
+        """See ``Engine``. The space is a new one: what the old one remembers of contacts would change the motion."""
+        posture = _put_down(self._settled, flattened(self.body).lengths_m, start, self.world)
+        self._plane = Plane(self.body, self.world, posture, self.time_step_s)
+        self._rotors = _Rotors(self.body.motors, self.time_step_s)
+        self._due_s = 0.0
+        self._steps = 0
+
+    @property
+    def time_s(self) -> float:
+        """See ``Engine``."""
+        return self._steps * self.time_step_s
+
+    def step(self, gait: Gait, duration_s: float) -> None:
+        """See ``Engine``."""
+        if gait.motor_count != len(self.body.motors):
+            raise ValueError(f"a gait for {gait.motor_count} motors, but {self.body.name} has {len(self.body.motors)}")
+        self._due_s += duration_s
+        steps = round(self._due_s / self.time_step_s) - self._steps
+        for _ in range(steps // STEPS_AT_ONCE):
+            self._run(gait, STEPS_AT_ONCE)
+        if steps % STEPS_AT_ONCE:
+            self._run(gait, steps % STEPS_AT_ONCE)
+
+    def _run(self, gait: Gait, steps: int) -> None:
+        self._plane.lay_ground()
+        self._plane.stepper.run(self._rotors.forces_n(gait, steps))
+        self._steps += steps
+        if not (kinetic_j := self._plane.kinetic_j()) < MOST_J:
+            raise Diverged(f"the planar twin broke down at {self.time_s:.3f} s: the struts move with {kinetic_j:.3g} J")
+
+    def nodes_m(self) -> Array:
+        """See ``Engine``."""
+        return np.insert(self._plane.nodes_m(), 1, 0.0, axis=1)
+
+    def angles_rad(self) -> tuple[float, float, float]:
+        """See ``Engine``. A positive pitch takes z towards x."""
+        return 0.0, float(np.mean(self._settled.angles_rad - self._plane.posture().angles_rad)), 0.0
+
+    def applied_hz(self) -> tuple[float, ...]:
+        """See ``Engine``."""
+        return tuple(self._rotors.applied_hz.tolist())
+
+
+class _Rotors:
+    """The motors in motion: actual frequencies, the angles turned through, and the forces that come of them."""
+
+    def __init__(self, motors: Sequence[Motor], time_step_s: float) -> None:
+        self._laws = [motor.law for motor in motors]
+        self._max_hz = np.array([motor.max_hz for motor in motors])
+        self._step_rad = 2.0 * math.pi * time_step_s
+        self._count = np.arange(1, STEPS_AT_ONCE + 1)[:, None]
+        # What is left after each step of the gap between actual and commanded frequency.
+        self._left = np.exp(-self._count * time_step_s / [motor.spin_up_s for motor in motors])
+        self._angle_rad = np.zeros(len(motors))
+        self.applied_hz = np.zeros(len(motors))
+
+    def forces_n(self, gait: Gait, steps: int) -> NDArray[np.complex128]:
+        """Turn for so many steps, at most STEPS_AT_ONCE; return the forces at each as x + iz, shape (steps, motors)."""
+        target_hz = np.minimum(np.maximum(gait.frequency_hz, -self._max_hz), self._max_hz)
+        gap_hz = target_hz - self.applied_hz
+        if np.abs(gap_hz).max() < SAME_HZ:
+            self.applied_hz = hz = target_hz
+            turned = self._count[:steps] * hz
+        else:
+            hz = target_hz - gap_hz * self._left[:steps]
+            turned = np.cumsum(hz, axis=0)
+            self.applied_hz = hz[-1]
+        angle_rad = self._angle_rad + self._step_rad * turned
+        self._angle_rad = angle_rad[-1]
+        size_n = np.array([law.at(of_motor) for law, of_motor in zip(self._laws, hz.T, strict=True)]).T * gait.amplitude
+        return np.asarray(size_n * 1j * np.exp(-1j * (angle_rad + gait.phase_rad)))  # F (sin + i cos)
+
+
+@lru_cache(maxsize=64)
+def _settled(body: Body, gravity_m_s2: float, friction: float, time_step_s: float) -> Posture:
+    """Return the posture in which the body stands on level ground: first it finds its form, falling freely above it."""
+    layout = flattened(body)
+    formed = _after(FORMING_S, Plane(body, World(0.0), layout.posture.moved(0.0, 0.0, 1.0), time_step_s), time_step_s)
+    lowest_m = formed.nodes_m(layout.lengths_m)[:, 1].min()
+    lowered = formed.moved(0.0, 0.0, body.struts[0].radius_m - lowest_m)
+    return _after(SETTLING_S, Plane(body, World(gravity_m_s2, friction), lowered, time_step_s), time_step_s)
+
+
+def _after(duration_s: float, plane: Plane, time_step_s: float) -> Posture:
+    """Return the posture in which undriven struts are after a while."""
+    for _ in range(round(duration_s / (STEPS_AT_ONCE * time_step_s))):
+        plane.stepper.run(np.zeros((STEPS_AT_ONCE, 1), complex))
+    return plane.posture()
+
+
+def _put_down(settled: Posture, lengths_m: Array, start: Start, world: World) -> Posture:
+    """Return the settled posture at ``start``, with its lowest node as near to the ground as on level ground."""
+    placed = settled.moved(-start.pitch_rad, start.x_m - float(settled.middles_m[:, 0].mean()), 0.0)
+    nodes = placed.nodes_m(lengths_m)
+    gap_m = np.min(nodes[:, 1] - world.height_m(nodes[:, 0], np.zeros(1)))
+    return placed.moved(0.0, 0.0, float(settled.nodes_m(lengths_m)[:, 1].min() - gap_m))
