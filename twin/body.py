@@ -85,6 +85,7 @@ class Motor:
         mass_kg: its mass, beside the strut's own.
         max_hz: the actual frequency never exceeds this; 0 for a motor that does not turn.
         spin_up_s: time constant of the actual frequency's approach to the commanded one.
+        rotor_kg_m2: inertia of what turns; its speeding up turns the strut the other way.
     """
 
     strut: int
@@ -92,6 +93,7 @@ class Motor:
     mass_kg: float
     max_hz: float
     spin_up_s: float
+    rotor_kg_m2: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +147,7 @@ class Parts:
         strut_m: length of each strut.
         radius_m: radius of a capsule, half the side of a box.
         rest_share: rest length of each spring as a share of its design length.
-        law, max_hz, spin_up_s: see ``Motor``.
+        law, max_hz, spin_up_s, rotor_kg_m2: see ``Motor``.
         tension_only: see ``Body``.
     """
 
@@ -161,6 +163,7 @@ class Parts:
     strut_m: float = 0.094
     shape: Shape = Shape.CAPSULE
     spin_up_s: float = 0.05
+    rotor_kg_m2: float = 0.0
 
 
 # Strut ends of the six-strut robot joined by springs, as its builders number them: struts 1 to 6, t(op) and b(ottom).
@@ -301,9 +304,13 @@ def _assembled(
         nodes_m=tuple((float(x), float(y), float(z)) for x, y, z in nodes_m),
         struts=(Strut(parts.radius_m, strut_kg, parts.shape),) * struts,
         springs=tuple(_spring(text, nodes_m, parts) for text in springs.split()),
-        motors=tuple(Motor(strut, parts.law, parts.motor_kg, parts.max_hz, parts.spin_up_s) for strut in motor_struts),
+        motors=tuple(_motor(strut, parts) for strut in motor_struts),
         tension_only=parts.tension_only,
     )
+
+
+def _motor(strut: int, parts: Parts) -> Motor:
+    return Motor(strut, parts.law, parts.motor_kg, parts.max_hz, parts.spin_up_s, parts.rotor_kg_m2)
 
 
 def _spring(text: str, nodes_m: NDArray[np.float64], parts: Parts) -> Spring:
