@@ -1,0 +1,92 @@
+"""Speed of one motor, measured and regulated. Whole numbers only, so that every interpreter computes the same.
+
+Frequencies are in mHz (1000 = one turn a second, signed), outputs in thousandths of the supply, times in ms and us.
+"""
+
+TICKS = 0x3FFFFFFF  # clocks count modulo this + 1, as MicroPython's do
+_FULL = 1000
+_INTEGRAL_GAIN = 20  # 1/s: how fast a lasting error is made up for
+_FINE = 100  # the integral's steps per thousandth of the supply
+_STALL_OUTPUT = 150
+_STALL_MHZ = 167  # 10 turns a minute
+_STALL_MS = 1000
+
+
+def clamp(value, limit):
+    """Return ``value`` cut to -limit ... limit."""
+    return max(-limit, min(limit, value))
+
+
+class SpeedMeter:
+    """Frequency from an encoder's count and the time of its last edge.
+
+    Args:
+        counts_per_turn: counted edges in one turn of the motor.
+    """
+
+    def __init__(self, counts_per_turn):
+        self.mhz = 0
+        self._mhz_us = 1000000000 // counts_per_turn
+        self._turning = False
+        self._count = 0
+        self._edge_us = 0
+
+    def update(self, count, edge_us, now_us):
+        """Take a reading: the signed count, the time of its last edge, and the present."""
+        counted = count - self._count
+        if counted:
+            elapsed_us = max(1, (edge_us - self._edge_us) & TICKS)
+            # After a standstill the first edge only starts the clock: the one before it is of long ago.
+            self.mhz = counted * self._mhz_us // elapsed_us if self._turning else 0
+            self._turning = True
+            self._count = count
+            self._edge_us = edge_us
+            return
+        bound = self._mhz_us // max(1, (now_us - self._edge_us) & TICKS)  # it would have shown if it turned faster
+        self._turning = self._turning and bound >= _STALL_MHZ
+        self.mhz = clamp(self.mhz, bound) if self._turning else 0
+
+
+class SpeedLoop:
+    """Ramp, and PI control with feed-forward, of one motor.
+
+    Args:
+        no_load_mhz: frequency at the full supply with nothing to turn; scales feed-forward and gains.
+        ramp_mhz_s: the fastest change of the set-point.
+    """
+
+    def __init__(self, no_load_mhz, ramp_mhz_s):
+        self.target_mhz = 0
+        self.ramped_mhz = 0
+        self.output = 0
+        self.stalled_ms = 0
+        self._no_load_mhz = no_load_mhz
+        self._ramp_mhz_s = ramp_mhz_s
+        self._integral = 0
+
+    def regulate(self, measured_mhz, elapsed_ms):
+        """Return the output for the next moment, ``elapsed_ms`` after the last call."""
+        step = self._ramp_mhz_s * elapsed_ms // 1000
+        self.ramped_mhz += clamp(self.target_mhz - self.ramped_mhz, step)
+        if self.ramped_mhz == 0 and self.target_mhz == 0:
+            self.release()
+            return 0
+        error = self.ramped_mhz - measured_mhz
+        proportional = (self.ramped_mhz + error) * _FULL // self._no_load_mhz  # feed-forward and a gain of one
+        wanted = proportional + self._integral // _FINE
+        self.output = clamp(wanted, _FULL)
+        # Anti-windup: a motor that still follows the ramp, or has all of the supply, has no lasting error.
+        if self.ramped_mhz == self.target_mhz and wanted == self.output:
+            self._integral += error * _INTEGRAL_GAIN * elapsed_ms * _FINE // self._no_load_mhz
+        turning = abs(measured_mhz) >= _STALL_MHZ or abs(self.output) <= _STALL_OUTPUT
+        self.stalled_ms = 0 if turning else self.stalled_ms + elapsed_ms
+        return self.output
+
+    @property
+    def is_stalled(self):
+        """Whether the motor has not followed a considerable output for too long."""
+        return self.stalled_ms >= _STALL_MS
+
+    def release(self):
+        """Forget the set-point at once."""
+        self.target_mhz = self.ramped_mhz = self.output = self.stalled_ms = self._integral = 0

@@ -1,0 +1,251 @@
+"""The motor node without its hardware: bytes and time in, bytes and motor outputs out.
+
+Runs under MicroPython and CPython. The protocol is told in docs/node-protocol.md. A board is any object with
+
+- ``encoder(motor)``: signed count of edges and the time of the last one in us;
+- ``set_output(motor, output)``: thousandths of the supply, signed; 0 brakes;
+- ``current_ma(motor)``, ``temperature_dc(motor)`` (tenths of a degree), ``board_temperature_dc()``,
+  ``acceleration_mg()`` (x, y, z): ``UNKNOWN`` where there is no sensor or it does not answer.
+"""
+
+import struct
+
+from .control import TICKS, SpeedLoop, SpeedMeter
+from .framing import FrameReader, encode
+
+PROTOCOL = 1
+VERSION = (1, 0, 0)
+WATCHDOG_MS = 250
+TELEMETRY_MS = 20
+UNKNOWN = -32768
+MAX_MOTORS = 6
+
+# Commands and answers
+HELLO, DRIVE, STOP, CLEAR = 0x01, 0x02, 0x03, 0x04
+WELCOME, ACK, TELEMETRY = 0x81, 0x82, 0x83
+# How a command was taken
+OK, NOT_GREETED, REPEATED, OUT_OF_ORDER, BAD_VALUE, FAULTED, UNKNOWN_COMMAND = range(7)
+# Faults: they stay until cleared
+NO_FAULT, STALL, OVER_TEMPERATURE = range(3)
+# Sensors
+CURRENT, MOTOR_TEMPERATURE, BOARD_TEMPERATURE, ACCELEROMETER = 1, 2, 4, 8
+# Flags of the telemetry
+GREETED, DRIVING, EXPIRED = 1, 2, 4  # expired: hold or watchdog has stopped the motors, and no command came since
+
+_CONTROL_MS = 10
+_MOTOR_LIMIT_DC = 800
+_BOARD_LIMIT_DC = 700
+_COOLER_DC = 50  # a fault of heat can be cleared this far below its limit
+
+
+class Node:
+    """A motor node.
+
+    Args:
+        board: the hardware, see above.
+        settings: ``motors``, ``max_mhz``, ``no_load_mhz``, ``ramp_mhz_s``, ``counts_per_turn`` and ``sensors``.
+        boot_id: 30 bits that differ from boot to boot.
+        now_ms: the present.
+    """
+
+    def __init__(self, board, settings, boot_id, now_ms):
+        motors = settings["motors"]
+        self.loops = [SpeedLoop(settings["no_load_mhz"], settings["ramp_mhz_s"]) for _ in range(motors)]
+        self.meters = [SpeedMeter(settings["counts_per_turn"]) for _ in range(motors)]
+        self.motor_faults = [NO_FAULT] * motors
+        self.fault = NO_FAULT
+        self.is_driving = False
+        self.is_expired = False
+        self._board = board
+        self._settings = settings
+        self._boot_id = boot_id & TICKS
+        self._reader = FrameReader()
+        self._greeted = False
+        self._sequence = 0  # of the last command that was taken
+        self._lost = 0
+        self._heard_ms = self._controlled_ms = self._told_ms = now_ms
+        self._hold_ms = 0
+        self._control_now = False
+        self._told = 0
+
+    def on_bytes(self, data, now_ms):
+        """Take bytes from the line; return the bytes of the answers."""
+        return b"".join([encode(self._answer(payload, now_ms)) for payload in self._reader.feed(data)])
+
+    def tick(self, now_ms, now_us):
+        """Do what is due, at least every few milliseconds; return the bytes of telemetry, if any."""
+        if self.is_driving:
+            self._expire(now_ms)
+        elapsed_ms = (now_ms - self._controlled_ms) & TICKS
+        if elapsed_ms >= _CONTROL_MS or (self._control_now and elapsed_ms):
+            self._control_now = False
+            self._controlled_ms = now_ms
+            self._control(min(elapsed_ms, 5 * _CONTROL_MS), now_us)
+        if (now_ms - self._told_ms) & TICKS < TELEMETRY_MS:
+            return b""
+        # From deadline to deadline, so that the rate is kept; but after a pause not one for each that was missed.
+        self._told_ms = (self._told_ms + TELEMETRY_MS) & TICKS
+        if (now_ms - self._told_ms) & TICKS >= TELEMETRY_MS:
+            self._told_ms = now_ms
+        return encode(self._telemetry(now_ms))
+
+    def _answer(self, payload, now_ms):
+        if len(payload) < 3:
+            return struct.pack("<BHBB", ACK, 0, payload[0], UNKNOWN_COMMAND)
+        command, sequence = struct.unpack_from("<BH", payload)
+        if command == HELLO and len(payload) == 4:
+            return self._greet(sequence, payload[3], now_ms)
+        return struct.pack("<BHBB", ACK, sequence, command, self._obey(command, sequence, payload, now_ms))
+
+    def _greet(self, sequence, protocol, now_ms):
+        self._release()  # nothing of an earlier host stays in force, except faults
+        self._greeted = protocol == PROTOCOL
+        self._sequence = sequence
+        self._lost = 0
+        s = self._settings
+        return struct.pack(
+            "<BHBBBBBBHHIIII",
+            WELCOME,
+            sequence,
+            PROTOCOL,
+            VERSION[0],
+            VERSION[1],
+            VERSION[2],
+            s["motors"],
+            s["sensors"],
+            WATCHDOG_MS,
+            TELEMETRY_MS,
+            s["max_mhz"],
+            s["ramp_mhz_s"],
+            self._boot_id,
+            now_ms & TICKS,
+        )
+
+    def _obey(self, command, sequence, payload, now_ms):
+        if command == STOP:
+            self._release()  # always: a stop is never too old, and needs no greeting
+        if not self._greeted:
+            return OK if command == STOP else NOT_GREETED
+        ahead = (sequence - self._sequence) & 0xFFFF
+        if ahead == 0 or ahead > 0x7FFF:
+            return OK if command == STOP else REPEATED if ahead == 0 else OUT_OF_ORDER
+        self._lost = (self._lost + ahead - 1) & 0xFFFF
+        self._sequence = sequence
+        if command == DRIVE:
+            return self._drive(payload, now_ms)
+        if command == CLEAR:
+            return self._clear()
+        return OK if command == STOP else UNKNOWN_COMMAND
+
+    def _drive(self, payload, now_ms):
+        motors = len(self.loops)
+        if len(payload) != 5 + 4 * motors:
+            return BAD_VALUE
+        hold_ms = struct.unpack_from("<H", payload, 3)[0]
+        targets = struct.unpack_from("<" + "i" * motors, payload, 5)
+        limit = self._settings["max_mhz"]
+        if hold_ms == 0 or max(targets) > limit or min(targets) < -limit:
+            return BAD_VALUE
+        if self.has_fault:
+            return FAULTED
+        for motor in range(motors):
+            self.loops[motor].target_mhz = targets[motor]
+        self._hold_ms = hold_ms
+        self._heard_ms = now_ms
+        self.is_driving = self._control_now = True
+        self.is_expired = False
+        return OK
+
+    def _clear(self):
+        self._release()
+        if self._is_hot(_COOLER_DC):
+            return FAULTED
+        self.fault = NO_FAULT
+        for motor in range(len(self.motor_faults)):
+            self.motor_faults[motor] = NO_FAULT
+        return OK
+
+    @property
+    def has_fault(self):
+        """Whether the node, or any of its motors, has a fault."""
+        return self.fault != NO_FAULT or any(self.motor_faults)
+
+    def _expire(self, now_ms):
+        if (now_ms - self._heard_ms) & TICKS >= min(self._hold_ms, WATCHDOG_MS):
+            self._release()
+            self.is_expired = True
+
+    def _control(self, elapsed_ms, now_us):
+        for motor in range(len(self.loops)):
+            loop = self.loops[motor]
+            meter = self.meters[motor]
+            count, edge_us = self._board.encoder(motor)
+            meter.update(count, edge_us, now_us)
+            self._board.set_output(motor, loop.regulate(meter.mhz, elapsed_ms))
+            if loop.is_stalled:
+                self._fail(STALL, motor)
+
+    def _fail(self, fault, motor=None):
+        """Stop all motors, since a trial with one missing is worth nothing, and keep the reason."""
+        if motor is None:
+            self.fault = fault
+        else:
+            self.motor_faults[motor] = fault
+        self._release()
+
+    def _release(self):
+        self.is_driving = self.is_expired = False
+        for motor in range(len(self.loops)):
+            self.loops[motor].release()
+            self._board.set_output(motor, 0)
+
+    def _watch_heat(self):
+        if self._board.board_temperature_dc() > _BOARD_LIMIT_DC:
+            self._fail(OVER_TEMPERATURE)
+        for motor in range(len(self.loops)):
+            if self._board.temperature_dc(motor) > _MOTOR_LIMIT_DC:
+                self._fail(OVER_TEMPERATURE, motor)
+
+    def _is_hot(self, margin_dc):
+        motors = [self._board.temperature_dc(motor) for motor in range(len(self.loops))]
+        board = self._board.board_temperature_dc()
+        return board > _BOARD_LIMIT_DC - margin_dc or max(motors) > _MOTOR_LIMIT_DC - margin_dc
+
+    def _telemetry(self, now_ms):
+        self._watch_heat()
+        board = self._board
+        acceleration = board.acceleration_mg()
+        self._told = (self._told + 1) & 0xFFFF
+        head = struct.pack(
+            "<BHIIHHHBBhhhh",
+            TELEMETRY,
+            self._told,
+            now_ms & TICKS,
+            self._boot_id,
+            self._sequence,
+            self._lost,
+            self._reader.bad_frames,
+            self._flags(),
+            self.fault,
+            board.board_temperature_dc(),
+            acceleration[0],
+            acceleration[1],
+            acceleration[2],
+        )
+        return head + b"".join([self._motor_telemetry(motor) for motor in range(len(self.loops))])
+
+    def _flags(self):
+        greeted = GREETED if self._greeted else 0
+        driving = DRIVING if self.is_driving else 0
+        return greeted | driving | (EXPIRED if self.is_expired else 0)
+
+    def _motor_telemetry(self, motor):
+        return struct.pack(
+            "<iihhhB",
+            self.meters[motor].mhz,
+            self.loops[motor].ramped_mhz,
+            self.loops[motor].output,
+            self._board.current_ma(motor),
+            self._board.temperature_dc(motor),
+            self.motor_faults[motor],
+        )

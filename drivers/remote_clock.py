@@ -1,0 +1,28 @@
+"""Another clock's time stamps, placed on this computer's: so that a late message does not pass for a new one."""
+
+from __future__ import annotations
+
+import math
+
+_DRIFT = 2e-4  # of two clocks against each other, at most
+
+
+class RemoteClock:
+    """Learns the difference of the two clocks from the messages: from the one that was the least under way."""
+
+    def __init__(self) -> None:
+        self._offset_s = math.inf
+        self._last_s = 0.0
+
+    def here_s(self, there_s: float, received_s: float) -> float:
+        """Return when, on this computer's clock, the other clock showed ``there_s``.
+
+        Args:
+            there_s: the time stamp of the message, on a clock that never goes back.
+            received_s: when the message came, on this computer's clock.
+        """
+        # The difference may creep, for clocks drift, but a lasting delay does not vanish in it within a trial.
+        creep_s = _DRIFT * max(0.0, there_s - self._last_s)
+        self._last_s = there_s
+        self._offset_s = min(self._offset_s + creep_s, received_s - there_s)
+        return self._offset_s + there_s

@@ -1,0 +1,1 @@
+"""Trackers: where the robot is, one file per kind."""
