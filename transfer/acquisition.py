@@ -44,27 +44,37 @@ class Acquisition(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LogExpectedImprovement:
-    """log E[max(f - incumbent, 0)], which unlike the expectation itself never underflows (Ament et al. 2023).
+    """log E[max(m - incumbent, 0)], with m the posterior mean that a trial at the place would leave there.
 
-    With s the posterior standard deviation and z = (mean - incumbent) / s it is log s + log h(z), see ``log_h``.
+    Before the trial m is normal around the present mean, with s^2 = variance^2 / (variance + noise variance) (the
+    expected quantile improvement of Picheny et al. 2013, for the median). Without noise this is the usual expected
+    improvement; with noise a place that is well known promises little, and is not tried again and again. With
+    z = (mean - incumbent) / s it is log s + log h(z), see ``log_h``, which never underflows (Ament et al. 2023).
+
+    Args:
+        posterior: what is believed of the function.
+        incumbent: what should be improved upon.
+        noise_variance: of the trial's observation.
     """
 
     posterior: Posterior
     incumbent: float
+    noise_variance: float
 
     def value(self, x: Array) -> Array:
         """Return the values (m,) at places (m, d)."""
         mean, variance = self.posterior.predict(x)
-        sd = np.sqrt(variance)
-        return np.log(sd) + log_h((mean - self.incumbent) / sd)[0]
+        sd = variance / np.sqrt(variance + self.noise_variance)
+        return np.asarray(np.log(sd) + log_h((mean - self.incumbent) / sd)[0])
 
     def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
         """Return values (m,) and gradients (m, d) at places (m, d)."""
         mean, variance, mean_gradient, variance_gradient = self.posterior.predict_with_gradient(x)
-        sd = np.sqrt(variance)
+        total = variance + self.noise_variance
+        sd = variance / np.sqrt(total)
         z = (mean - self.incumbent) / sd
         log_h_z, slope = log_h(z)
-        log_sd_gradient = 0.5 * variance_gradient / variance[:, None]
+        log_sd_gradient = (1.0 / variance - 0.5 / total)[:, None] * variance_gradient
         z_gradient = mean_gradient / sd[:, None] - z[:, None] * log_sd_gradient
         return np.log(sd) + log_h_z, log_sd_gradient + slope[:, None] * z_gradient
 

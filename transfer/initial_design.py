@@ -11,7 +11,12 @@ def initial_design(count: int, dimension: int, rng: np.random.Generator) -> NDAr
 
     A Latin hypercube (McKay et al. 1979) has one place in each of ``count`` equal slices of every axis; of 200 random
     ones the one whose closest two places are farthest apart is returned.
+
+    Raises:
+        ValueError: ``count`` is not positive.
     """
+    if count < 1:
+        raise ValueError(f"{count} places are no design: it needs at least one")
     cells = rng.permuted(np.tile(np.arange(count), (200, dimension, 1)), axis=2).transpose(0, 2, 1)
     designs = (cells + rng.random(cells.shape)) / count
     distances = np.linalg.norm(designs[:, :, None] - designs[:, None], axis=3)

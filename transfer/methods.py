@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 from controller.interface import Optimizer
 from controller.types import GaitSpace, Source
+from transfer.efficient_bo import EfficientBO
 from transfer.plain_bo import PlainBO
 
 
@@ -32,6 +33,11 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             "Bayesian optimisation from nothing",
             uses_sources=False,
             make=lambda space, seed, _: PlainBO(space, seed),
+        ),
+        "efficient": Method(
+            "Efficient-BO as published: an earlier run's trials count as noisy trials of this one",
+            uses_sources=True,
+            make=EfficientBO,
         ),
     }
 )

@@ -6,20 +6,12 @@ import numpy as np
 
 from controller.streams import stream
 from controller.types import GaitSpace
+from transfer.belief import Belief, Trials, refitted
 from transfer.gp import Observations
 from transfer.initial_design import initial_design
+from transfer.proposal import Incumbent, Proposal, best_mean, expected_improvement
 from transfer.scale import Scale
-from transfer.search import (
-    Belief,
-    Incumbent,
-    Proposal,
-    Search,
-    Trials,
-    best_mean,
-    expected_improvement,
-    named,
-    refitted,
-)
+from transfer.search import Search
 
 INITIAL_TRIALS = 8
 
@@ -30,12 +22,9 @@ class PlainBO(Search):
     Args:
         space: the gaits to search.
         seed: of all that is random.
-        initial_trials: how many trials are spread over the space before the model chooses. Not a share of the budget,
-            so that a run can be extended.
+        initial_trials: how many trials are spread over the space before the model chooses, at least 1. Not a share of
+            the budget, so that a run can be extended.
         incumbent: what a new trial should improve upon.
-
-    Raises:
-        ValueError: there is no initial trial.
     """
 
     def __init__(
@@ -45,17 +34,15 @@ class PlainBO(Search):
         initial_trials: int = INITIAL_TRIALS,
         incumbent: Incumbent = best_mean,
     ) -> None:
-        if initial_trials < 1:
-            raise ValueError(f"{initial_trials} initial trials: a model needs at least one")
         design = initial_design(initial_trials, space.dimension, stream(seed, 0, "initial design"))
+
+        def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief | None:
+            return learned_alone(space, trials, last, rng) if len(trials) else None
 
         def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
             if belief is None or len(trials) < initial_trials:
                 return Proposal(design[len(trials)], "initial design")
             return expected_improvement(trials, belief, rng, incumbent)
-
-        def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief | None:
-            return learned_alone(space, trials, last, rng) if len(trials) else None
 
         super().__init__(space, seed, learn, propose)
 
@@ -64,6 +51,4 @@ def learned_alone(space: GaitSpace, trials: Trials, last: Belief | None, rng: np
     """Return what one or more trials say by themselves."""
     scale = Scale.of(trials.scores)
     observations = Observations.alike(trials.x, scale.standardise(trials.scores))
-    process = refitted(observations, last, len(trials), rng)
-    hyperparameters = process.hyperparameters
-    return Belief(process, scale, trials.x, hyperparameters.logs, named(space, scale, hyperparameters))
+    return Belief.of(refitted(observations, last, len(trials), rng), scale, space)
