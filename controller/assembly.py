@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -14,6 +14,9 @@ from controller.interface import UserError
 from controller.run_config import RobotChoice
 from controller.safety import GuardedRobot, Limits
 from controller.trial_runner import TrialSettings
+
+if TYPE_CHECKING:
+    from twin.robot import TwinRobot
 
 TWINS = {"planar": "prism3", "spatial": "icosahedron6"}
 """The twins, each with its usual body."""
@@ -83,12 +86,10 @@ def open_rig(choice: RobotChoice, seed: int) -> Rig:
 
 
 def _open_twin(choice: RobotChoice, seed: int) -> Rig:
-    from twin.robot import planar_robot, spatial_robot
-
+    from twin import robot
     from twin.world import world_named
 
-    make = {"planar": planar_robot, "spatial": spatial_robot}[choice.name]
-    twin = make(
+    twin: TwinRobot = getattr(robot, f"{choice.name}_robot")(
         body=choice.body,
         world=world_named(choice.world or "flat", choice.gravity_m_s2, choice.friction),
         damage=choice.damage or (),
