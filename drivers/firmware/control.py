@@ -12,7 +12,7 @@ _STALL_MHZ = 167  # 10 turns a minute
 _STALL_MS = 1000
 
 
-def clamp(value, limit):
+def clamp(value: int, limit: int) -> int:
     """Return ``value`` cut to -limit ... limit."""
     return max(-limit, min(limit, value))
 
@@ -24,14 +24,14 @@ class SpeedMeter:
         counts_per_turn: counted edges in one turn of the motor.
     """
 
-    def __init__(self, counts_per_turn):
+    def __init__(self, counts_per_turn: int) -> None:
         self.mhz = 0
         self._mhz_us = 1000000000 // counts_per_turn
         self._turning = False
         self._count = 0
         self._edge_us = 0
 
-    def update(self, count, edge_us, now_us):
+    def update(self, count: int, edge_us: int, now_us: int) -> None:
         """Take a reading: the signed count, the time of its last edge, and the present."""
         counted = count - self._count
         if counted:
@@ -55,7 +55,7 @@ class SpeedLoop:
         ramp_mhz_s: the fastest change of the set-point.
     """
 
-    def __init__(self, no_load_mhz, ramp_mhz_s):
+    def __init__(self, no_load_mhz: int, ramp_mhz_s: int) -> None:
         self.target_mhz = 0
         self.ramped_mhz = 0
         self.output = 0
@@ -64,7 +64,7 @@ class SpeedLoop:
         self._ramp_mhz_s = ramp_mhz_s
         self._integral = 0
 
-    def regulate(self, measured_mhz, elapsed_ms):
+    def regulate(self, measured_mhz: int, elapsed_ms: int) -> int:
         """Return the output for the next moment, ``elapsed_ms`` after the last call."""
         step = self._ramp_mhz_s * elapsed_ms // 1000
         self.ramped_mhz += clamp(self.target_mhz - self.ramped_mhz, step)
@@ -83,10 +83,10 @@ class SpeedLoop:
         return self.output
 
     @property
-    def is_stalled(self):
+    def is_stalled(self) -> bool:
         """Whether the motor has not followed a considerable output for too long."""
         return self.stalled_ms >= _STALL_MS
 
-    def release(self):
+    def release(self) -> None:
         """Forget the set-point at once."""
         self.target_mhz = self.ramped_mhz = self.output = self.stalled_ms = self._integral = 0

@@ -1,17 +1,16 @@
 """The motor node without its hardware: bytes and time in, bytes and motor outputs out.
 
-Runs under MicroPython and CPython. The protocol is told in docs/node-protocol.md. A board is any object with
-
-- ``encoder(motor)``: signed count of edges and the time of the last one in us;
-- ``set_output(motor, output)``: thousandths of the supply, signed; 0 brakes;
-- ``current_ma(motor)``, ``temperature_dc(motor)`` (tenths of a degree), ``board_temperature_dc()``,
-  ``acceleration_mg()`` (x, y, z): ``UNKNOWN`` where there is no sensor or it does not answer.
+Runs under MicroPython and CPython. docs/node-protocol.md tells the protocol, board.py what a board has to offer.
 """
 
 import struct
 
 from .control import TICKS, SpeedLoop, SpeedMeter
 from .framing import FrameReader, encode
+
+TYPE_CHECKING = False  # MicroPython has no typing; type checkers know the name
+if TYPE_CHECKING:
+    from .board import Board
 
 PROTOCOL = 1
 VERSION = (1, 0, 0)
@@ -42,13 +41,13 @@ class Node:
     """A motor node.
 
     Args:
-        board: the hardware, see above.
+        board: the hardware.
         settings: ``motors``, ``max_mhz``, ``no_load_mhz``, ``ramp_mhz_s``, ``counts_per_turn`` and ``sensors``.
         boot_id: 30 bits that differ from boot to boot.
         now_ms: the present.
     """
 
-    def __init__(self, board, settings, boot_id, now_ms):
+    def __init__(self, board: "Board", settings: dict[str, int], boot_id: int, now_ms: int) -> None:
         motors = settings["motors"]
         self.loops = [SpeedLoop(settings["no_load_mhz"], settings["ramp_mhz_s"]) for _ in range(motors)]
         self.meters = [SpeedMeter(settings["counts_per_turn"]) for _ in range(motors)]
@@ -67,12 +66,13 @@ class Node:
         self._hold_ms = 0
         self._control_now = False
         self._told = 0
+        self._release()
 
-    def on_bytes(self, data, now_ms):
+    def on_bytes(self, data: bytes, now_ms: int) -> bytes:
         """Take bytes from the line; return the bytes of the answers."""
         return b"".join([encode(self._answer(payload, now_ms)) for payload in self._reader.feed(data)])
 
-    def tick(self, now_ms, now_us):
+    def tick(self, now_ms: int, now_us: int) -> bytes:
         """Do what is due, at least every few milliseconds; return the bytes of telemetry, if any."""
         if self.is_driving:
             self._expire(now_ms)
@@ -89,7 +89,7 @@ class Node:
             self._told_ms = now_ms
         return encode(self._telemetry(now_ms))
 
-    def _answer(self, payload, now_ms):
+    def _answer(self, payload: bytes, now_ms: int) -> bytes:
         if len(payload) < 3:
             return struct.pack("<BHBB", ACK, 0, payload[0], UNKNOWN_COMMAND)
         command, sequence = struct.unpack_from("<BH", payload)
@@ -97,7 +97,7 @@ class Node:
             return self._greet(sequence, payload[3], now_ms)
         return struct.pack("<BHBB", ACK, sequence, command, self._obey(command, sequence, payload, now_ms))
 
-    def _greet(self, sequence, protocol, now_ms):
+    def _greet(self, sequence: int, protocol: int, now_ms: int) -> bytes:
         self._release()  # nothing of an earlier host stays in force, except faults
         self._greeted = protocol == PROTOCOL
         self._sequence = sequence
@@ -121,7 +121,7 @@ class Node:
             now_ms & TICKS,
         )
 
-    def _obey(self, command, sequence, payload, now_ms):
+    def _obey(self, command: int, sequence: int, payload: bytes, now_ms: int) -> int:
         if command == STOP:
             self._release()  # always: a stop is never too old, and needs no greeting
         if not self._greeted:
@@ -137,7 +137,7 @@ class Node:
             return self._clear()
         return OK if command == STOP else UNKNOWN_COMMAND
 
-    def _drive(self, payload, now_ms):
+    def _drive(self, payload: bytes, now_ms: int) -> int:
         motors = len(self.loops)
         if len(payload) != 5 + 4 * motors:
             return BAD_VALUE
@@ -156,7 +156,7 @@ class Node:
         self.is_expired = False
         return OK
 
-    def _clear(self):
+    def _clear(self) -> int:
         self._release()
         if self._is_hot(_COOLER_DC):
             return FAULTED
@@ -166,16 +166,16 @@ class Node:
         return OK
 
     @property
-    def has_fault(self):
+    def has_fault(self) -> bool:
         """Whether the node, or any of its motors, has a fault."""
         return self.fault != NO_FAULT or any(self.motor_faults)
 
-    def _expire(self, now_ms):
+    def _expire(self, now_ms: int) -> None:
         if (now_ms - self._heard_ms) & TICKS >= min(self._hold_ms, WATCHDOG_MS):
             self._release()
             self.is_expired = True
 
-    def _control(self, elapsed_ms, now_us):
+    def _control(self, elapsed_ms: int, now_us: int) -> None:
         for motor in range(len(self.loops)):
             loop = self.loops[motor]
             meter = self.meters[motor]
@@ -185,7 +185,7 @@ class Node:
             if loop.is_stalled:
                 self._fail(STALL, motor)
 
-    def _fail(self, fault, motor=None):
+    def _fail(self, fault: int, motor: int | None = None) -> None:
         """Stop all motors, since a trial with one missing is worth nothing, and keep the reason."""
         if motor is None:
             self.fault = fault
@@ -193,25 +193,25 @@ class Node:
             self.motor_faults[motor] = fault
         self._release()
 
-    def _release(self):
+    def _release(self) -> None:
         self.is_driving = self.is_expired = False
         for motor in range(len(self.loops)):
             self.loops[motor].release()
             self._board.set_output(motor, 0)
 
-    def _watch_heat(self):
+    def _watch_heat(self) -> None:
         if self._board.board_temperature_dc() > _BOARD_LIMIT_DC:
             self._fail(OVER_TEMPERATURE)
         for motor in range(len(self.loops)):
             if self._board.temperature_dc(motor) > _MOTOR_LIMIT_DC:
                 self._fail(OVER_TEMPERATURE, motor)
 
-    def _is_hot(self, margin_dc):
+    def _is_hot(self, margin_dc: int) -> bool:
         motors = [self._board.temperature_dc(motor) for motor in range(len(self.loops))]
         board = self._board.board_temperature_dc()
         return board > _BOARD_LIMIT_DC - margin_dc or max(motors) > _MOTOR_LIMIT_DC - margin_dc
 
-    def _telemetry(self, now_ms):
+    def _telemetry(self, now_ms: int) -> bytes:
         self._watch_heat()
         board = self._board
         acceleration = board.acceleration_mg()
@@ -234,12 +234,12 @@ class Node:
         )
         return head + b"".join([self._motor_telemetry(motor) for motor in range(len(self.loops))])
 
-    def _flags(self):
+    def _flags(self) -> int:
         greeted = GREETED if self._greeted else 0
         driving = DRIVING if self.is_driving else 0
         return greeted | driving | (EXPIRED if self.is_expired else 0)
 
-    def _motor_telemetry(self, motor):
+    def _motor_telemetry(self, motor: int) -> bytes:
         return struct.pack(
             "<iihhhB",
             self.meters[motor].mhz,

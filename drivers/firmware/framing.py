@@ -9,7 +9,7 @@ MAX_PAYLOAD = 120
 _MAX_FRAME = MAX_PAYLOAD + 3  # and two bytes of CRC, one of COBS; a payload this short never needs a second
 
 
-def _nibble_table():
+def _nibble_table() -> "array[int]":
     table = array("H", [0] * 16)
     for nibble in range(16):
         crc = nibble << 12
@@ -22,7 +22,7 @@ def _nibble_table():
 _TABLE = _nibble_table()
 
 
-def crc16(data, crc=0xFFFF):
+def crc16(data: bytes, crc: int = 0xFFFF) -> int:
     """Return the CRC-16/CCITT-FALSE of ``data``: polynomial 0x1021, start 0xFFFF, nothing reflected."""
     for byte in data:
         crc = ((crc << 4) & 0xFFFF) ^ _TABLE[(crc >> 12) ^ (byte >> 4)]
@@ -30,7 +30,7 @@ def crc16(data, crc=0xFFFF):
     return crc
 
 
-def encode(payload):
+def encode(payload: bytes) -> bytes:
     """Return the frame that carries ``payload`` (at most ``MAX_PAYLOAD`` bytes), end mark included."""
     crc = crc16(payload)
     frame = bytearray(len(payload) + 4)
@@ -47,7 +47,7 @@ def encode(payload):
     return bytes(frame)
 
 
-def _unstuff(frame, length):
+def _unstuff(frame: bytearray, length: int) -> int:
     """Undo COBS in place; return the length of the result, or -1 if ``frame`` (under 255 bytes) is no COBS."""
     read = write = 0
     while read < length:
@@ -67,14 +67,14 @@ def _unstuff(frame, length):
 class FrameReader:
     """Finds the payloads in a stream of bytes. ``bad_frames`` counts what was thrown away (modulo 65536)."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.bad_frames = 0
         self._frame = bytearray(_MAX_FRAME)
         self._length = 0  # beyond the buffer: an endless frame, to be thrown away at its end mark
 
-    def feed(self, data):
+    def feed(self, data: bytes) -> list[bytes]:
         """Return the list of valid payloads that ``data`` completes."""
-        payloads = []
+        payloads: list[bytes] = []
         for byte in data:
             if byte:
                 if self._length < _MAX_FRAME:
@@ -87,7 +87,7 @@ class FrameReader:
                 self._length = 0
         return payloads
 
-    def _finish(self, payloads):
+    def _finish(self, payloads: list[bytes]) -> None:
         end = _unstuff(self._frame, self._length) - 2 if self._length <= _MAX_FRAME else -1
         if end > 0:
             payload = bytes(memoryview(self._frame)[:end])

@@ -16,7 +16,7 @@ _HOT_DC = 950
 class SimulatedMotor:
     """A DC motor behind an H-bridge: its frequency follows the output with a lag of the first order."""
 
-    def __init__(self, no_load_hz):
+    def __init__(self, no_load_hz: float) -> None:
         self.output = 0
         self.is_jammed = False
         self.is_hot = False
@@ -27,11 +27,11 @@ class SimulatedMotor:
         self._edges = 0.0
 
     @property
-    def applied_hz(self):
+    def applied_hz(self) -> float:
         """The frequency that the motor will have if the output stays as it is."""
         return 0.0 if self.is_jammed else self._no_load_hz * (1.0 - _LOAD) * self.output / 1000.0
 
-    def step(self, now_us, duration_us):
+    def step(self, now_us: int, duration_us: int) -> None:
         """Let time pass until ``now_us``, at most a few milliseconds."""
         target_hz = self.applied_hz
         lag = 0.0 if self.is_jammed else max(0.0, 1.0 - duration_us / _LAG_US)
@@ -44,7 +44,7 @@ class SimulatedMotor:
             self.count = count
         self._edges = edges
 
-    def current_ma(self):
+    def current_ma(self) -> int:
         """Return the current: what is not turned into speed."""
         wanted_hz = self._no_load_hz * self.output / 1000.0
         return int(_STALL_MA * min(1.0, abs(wanted_hz - self.frequency_hz) / self._no_load_hz))
@@ -53,11 +53,11 @@ class SimulatedMotor:
 class SimulatedBoard:
     """A board with ``motors`` such motors, at rest on the bench."""
 
-    def __init__(self, motors, no_load_hz):
+    def __init__(self, motors: int, no_load_hz: float) -> None:
         self.motors = [SimulatedMotor(no_load_hz) for _ in range(motors)]
         self._now_us = 0
 
-    def step(self, now_us):
+    def step(self, now_us: int) -> None:
         """Let the motors turn until ``now_us``."""
         left_us = min(100000, max(0, now_us - self._now_us))
         self._now_us = now_us
@@ -67,26 +67,26 @@ class SimulatedBoard:
             for motor in self.motors:
                 motor.step(now_us - left_us, part_us)
 
-    def encoder(self, motor):
+    def encoder(self, motor: int) -> tuple[int, int]:
         """Return count and time of the last edge."""
         return self.motors[motor].count, self.motors[motor].edge_us
 
-    def set_output(self, motor, output):
+    def set_output(self, motor: int, output: int) -> None:
         """Set a motor's output."""
         self.motors[motor].output = output
 
-    def current_ma(self, motor):
+    def current_ma(self, motor: int) -> int:
         """Return a motor's current."""
         return self.motors[motor].current_ma()
 
-    def temperature_dc(self, motor):
+    def temperature_dc(self, motor: int) -> int:
         """Return a motor's temperature."""
         return _HOT_DC if self.motors[motor].is_hot else _ROOM_DC
 
-    def board_temperature_dc(self):
+    def board_temperature_dc(self) -> int:
         """Return the board's temperature."""
         return _ROOM_DC
 
-    def acceleration_mg(self):
+    def acceleration_mg(self) -> tuple[int, int, int]:
         """Return no acceleration: there is no such sensor."""
         return UNKNOWN, UNKNOWN, UNKNOWN
