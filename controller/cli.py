@@ -14,7 +14,7 @@ from controller.commands.answer import Answer, Command
 from controller.interface import DeviceError, TrackingLost, UserError
 from controller.signals import interrupt_on_signals
 
-COMMANDS = ("learn", "run", "landscape", "view")
+COMMANDS = ("learn", "run", "landscape", "view", "mock")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -10,8 +10,9 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Protocol
 
 from controller.interface import DeviceError, DeviceFault, DeviceTimeout, LinkLost
@@ -60,7 +61,7 @@ class MotorLine(Protocol):
         ...
 
     def check(self, gait: Gait) -> None:
-        """Raise ValueError if the device cannot apply ``gait``. Sends nothing."""
+        """Raise ValueError if the device cannot apply the frequencies of ``gait``. Sends nothing."""
         ...
 
     def send(self, gait: Gait) -> None:
@@ -72,7 +73,7 @@ class MotorLine(Protocol):
         ...
 
     def rest(self) -> None:
-        """Send what stops all motors, without waiting. Idempotent. Raises LinkLost."""
+        """Send what stops all motors, without waiting; called again and again. Raises LinkLost."""
         ...
 
     def listen(self, until_s: float) -> None:
@@ -90,7 +91,7 @@ class MotorLine(Protocol):
         ...
 
     def close(self) -> None:
-        """Leave the motors at rest and let go of the line. Never raises."""
+        """Let go of the line; the motors have been told to rest. Never raises."""
         ...
 
 
@@ -100,14 +101,18 @@ class HeldMotors:
     Args:
         open_line: opens the line, finds the device on it, arms its watchdog, and clears old faults; DeviceError if not.
         stale_s: how long the device may say nothing.
+        ramp_hz_s: (motors,) the fastest change of each frequency; 0 for any. Empty for any of all.
 
     Raises:
         DeviceError: the line could not be opened.
     """
 
-    def __init__(self, open_line: Callable[[], MotorLine], stale_s: float = 0.3) -> None:
+    def __init__(
+        self, open_line: Callable[[], MotorLine], stale_s: float = 0.3, ramp_hz_s: Sequence[float] = ()
+    ) -> None:
         self._open_line = open_line
         self._stale_s = stale_s
+        self._ramp = _Ramp(ramp_hz_s)
         self._sending = threading.Lock()
         self._gait: Gait | None = None
         self._until_s = 0.0
@@ -124,13 +129,24 @@ class HeldMotors:
         """What of a gait the device can apply."""
         return self._line.quantities
 
+    def check(self, gait: Gait) -> None:
+        """Raise ValueError if the motors cannot apply ``gait``. Sends nothing."""
+        if gait.motor_count != self.motor_count:
+            raise ValueError(f"a gait for {gait.motor_count} motors, but {self._line.name} has {self.motor_count}")
+        if Quantity.PHASE not in self.quantities and any(gait.phase_rad):
+            raise ValueError(f"{self._line.name}: the device cannot set phases, only frequencies")
+        if Quantity.AMPLITUDE not in self.quantities and any(share != 1.0 for share in gait.amplitude):
+            raise ValueError(f"{self._line.name}: the device cannot set amplitudes, only frequencies")
+        self._line.check(gait)
+
     def drive(self, gait: Gait, hold_s: float) -> None:
         """Send ``gait`` now and repeat it for ``hold_s``, then stop. Raises as ``MotorDriver.drive`` does."""
-        self._line.check(gait)
+        self.check(gait)
         with self._sending:
             self._raise_problem()
-            self._gait, self._until_s = gait, time.monotonic() + hold_s
-            self._line.send(gait)
+            now_s = time.monotonic()
+            self._gait, self._until_s = gait, now_s + hold_s
+            self._line.send(self._ramp.towards(gait, now_s))
 
     def state(self) -> MotorState:
         """Return what the device applies. Raises DeviceError for a fault, a lost line, or a device gone quiet."""
@@ -145,7 +161,7 @@ class HeldMotors:
             if isinstance(self._problem, LinkLost):
                 raise self._problem
             if not self._closing.is_set():
-                self._line.rest()
+                self._rest()
 
     def ready(self, patience_s: float = 0.0) -> None:
         """Make the motors ready for a trial: after any fault, open the line afresh. For use between trials only.
@@ -212,18 +228,24 @@ class HeldMotors:
     def _tell(self) -> None:
         """Repeat the set-point while it holds, else rest."""
         with self._sending:
-            if self._gait is not None and time.monotonic() < self._until_s:
-                self._line.repeat(self._gait)
+            now_s = time.monotonic()
+            if self._gait is None or now_s >= self._until_s:
+                self._rest()
+            elif (step := self._ramp.towards(self._gait, now_s)) == self._gait:
+                self._line.repeat(step)
             else:
-                self._gait = None
-                self._line.rest()
+                self._line.send(step)
+
+    def _rest(self) -> None:
+        self._gait = None
+        self._ramp.restart()
+        self._line.rest()
 
     def _give_up(self, problem: DeviceError) -> None:
         """Keep the first problem, and rest until the line is opened afresh."""
         with self._sending, suppress(LinkLost):
             self._problem = self._problem or problem
-            self._gait = None
-            self._line.rest()
+            self._rest()
 
     def _check_heard(self) -> None:
         silence_s = time.monotonic() - self._line.heard_s
@@ -233,3 +255,28 @@ class HeldMotors:
     def _raise_problem(self) -> None:
         if self._problem is not None:
             raise self._problem
+
+
+class _Ramp:
+    """Approaches a gait no faster than the motors may change."""
+
+    def __init__(self, ramp_hz_s: Sequence[float]) -> None:
+        self._ramp_hz_s = tuple(ramp_hz_s)
+        self._before: tuple[float, Gait] | None = None
+
+    def restart(self) -> None:
+        """Begin from rest."""
+        self._before = None
+
+    def towards(self, gait: Gait, now_s: float) -> Gait:
+        """Return how much of ``gait`` is due at ``now_s``."""
+        if not any(self._ramp_hz_s):
+            return gait
+        then_s, last = self._before or (now_s, gait.scaled(0.0))
+        due_hz = tuple(
+            max(before - ramp * (now_s - then_s), min(before + ramp * (now_s - then_s), wanted)) if ramp else wanted
+            for before, wanted, ramp in zip(last.frequency_hz, gait.frequency_hz, self._ramp_hz_s, strict=True)
+        )
+        step = replace(gait, frequency_hz=due_hz)
+        self._before = (now_s, step)
+        return step

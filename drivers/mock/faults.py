@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 
 import msgspec
@@ -26,22 +27,27 @@ DEVICE_KINDS = frozenset({Kind.STALL, Kind.ERROR, Kind.SILENCE})
 
 
 class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One fault. It begins at ``at_s``, or with the ``at_reply``-th reply, and lasts ``duration_s`` or ``replies``.
+    """One fault, with exactly one of the three triggers.
 
     Args:
         kind: what goes wrong.
-        at_s: when, in seconds since the device started.
-        at_reply: with which reply of the device, counted from 1; instead of ``at_s``.
-        every_s: again and again after as many seconds.
-        duration_s: how long it lasts (stall, brown-out, unplugging, silence).
-        replies: how many replies it befalls (drop, corrupt, delay, duplicate).
-        delay_s: by how much replies are late.
+        at_s: begin so many seconds after the device started.
+        after_motion_s: begin so many seconds after a motor first turned.
+        at_reply: begin with the so many-th message of the device, counted from 1.
+        every_s: begin again so many seconds after each beginning; None for once.
+        duration_s: how long it lasts (stall, brown-out, unplugging, error, silence).
+        replies: how many messages it befalls (drop, corrupt, delay, duplicate).
+        delay_s: by how much messages are late.
         motor: the motor, counted from 1 (stall, error).
         code: the device's own code for the error; None for the mock's choice.
+
+    Raises:
+        ValueError: not one trigger, or a number that is out of range.
     """
 
     kind: Kind
     at_s: float | None = None
+    after_motion_s: float | None = None
     at_reply: int | None = None
     every_s: float | None = None
     duration_s: float = 0.5
@@ -49,3 +55,63 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     delay_s: float = 0.2
     motor: int = 1
     code: int | None = None
+
+    def __post_init__(self) -> None:
+        triggers = (self.at_s, self.after_motion_s, self.at_reply)
+        if sum(trigger is not None for trigger in triggers) != 1:
+            raise ValueError("a fault has one of at_s, after_motion_s and at_reply")
+        if self.every_s is not None and self.every_s <= 0.0:
+            raise ValueError(f"every_s is {self.every_s:g}, but must be above 0")
+        if min(self.duration_s, self.delay_s, *(trigger for trigger in triggers if trigger is not None)) < 0.0:
+            raise ValueError("a fault's times must be 0 or more")
+        if self.replies < 1 or self.motor < 1:
+            raise ValueError("replies and motor count from 1")
+
+
+class FaultScript(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """All that goes wrong on one device: ``[[fault]]`` tables."""
+
+    fault: tuple[Fault, ...] = ()
+
+
+class Schedule:
+    """Says which faults begin and end. Times are in seconds on one monotonic clock."""
+
+    def __init__(self, faults: Sequence[Fault], start_s: float) -> None:
+        self._start_s = start_s
+        self._motion_s: float | None = None
+        self._waiting = list(faults)
+        self._timed: list[tuple[float, Fault]] = []
+        self._lasting: list[tuple[float, Fault]] = []
+
+    def add(self, fault: Fault) -> None:
+        """Take in one more fault."""
+        self._waiting.append(fault)
+
+    def begin(self, now_s: float, replies: int, is_turning: bool) -> list[Fault]:
+        """Return the faults that begin now, after ``replies`` messages of the device."""
+        if is_turning and self._motion_s is None:
+            self._motion_s = now_s
+        begun = [fault for fault in self._waiting if self._is_due(fault, now_s, replies)]
+        self._waiting = [fault for fault in self._waiting if fault not in begun]
+        begun += [fault for begin_s, fault in self._timed if begin_s <= now_s]
+        self._timed = [(begin_s, fault) for begin_s, fault in self._timed if begin_s > now_s]
+        for fault in begun:
+            if fault.every_s is not None:
+                self._timed.append((now_s + fault.every_s, fault))
+            if fault.kind not in REPLY_KINDS:
+                self._lasting.append((now_s + fault.duration_s, fault))
+        return begun
+
+    def end(self, now_s: float) -> list[Fault]:
+        """Return the faults that end now."""
+        ended = [fault for end_s, fault in self._lasting if end_s <= now_s]
+        self._lasting = [(end_s, fault) for end_s, fault in self._lasting if end_s > now_s]
+        return ended
+
+    def _is_due(self, fault: Fault, now_s: float, replies: int) -> bool:
+        if fault.at_reply is not None:
+            return replies + 1 >= fault.at_reply
+        if fault.at_s is not None:
+            return now_s >= self._start_s + fault.at_s
+        return self._motion_s is not None and now_s >= self._motion_s + (fault.after_motion_s or 0.0)

@@ -1,0 +1,299 @@
+"""Pololu qik 2s9v1: two motors a board, several boards on one serial line, no sensor.
+
+Bytes as in the controller's user's guide. Its speeds are open loop, so a frequency is what the calibration curve says.
+The board answers neither to speeds nor to stops; it is asked for its error byte all the time, and what was sent before
+a clean answer is what it applies.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+from controller.interface import DeviceFault, DeviceTimeout
+from controller.types import Gait, MotorState, Quantity
+from drivers.calibration import Curve
+from drivers.keepalive import WATCHDOG
+from drivers.link import Link, discard, read_exactly
+from drivers.serial_link import SerialLink
+
+START = 0xAA  # begins a packet of the Pololu protocol; the board also finds the baud rate from it
+_ANSWER_S = 0.1  # line time and a USB adapter's latency come to 20 ms at most
+_ASK_PERIOD_S = 0.02
+_ATTEMPTS = 3
+
+
+class Command(IntEnum):
+    """Commands as in the compact protocol; without the top bit in the Pololu protocol."""
+
+    FIRMWARE = 0x81
+    ERRORS = 0x82
+    GET = 0x83
+    SET = 0x84
+    COAST = 0x86
+    SPEED = 0x88  # + 4 for motor 1, + 2 for reverse, + 1 for 128 more
+
+
+class Parameter(IntEnum):
+    """Configuration parameters, kept in the board's permanent memory."""
+
+    DEVICE_ID = 0
+    PWM = 1
+    SHUT_DOWN = 2
+    TIMEOUT = 3
+
+
+SET_KEY = (0x55, 0x2A)  # must follow a new value
+ERRORS = {0x08: "data overrun", 0x10: "frame error", 0x20: "CRC error", 0x40: "format error", 0x80: WATCHDOG}
+TIMEOUT_UNIT_S = 0.262
+
+
+def crc7(data: bytes) -> int:
+    """Return the CRC-7 of a packet: polynomial 0x91, least significant bit first."""
+    crc = 0
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc ^ 0x91 if crc & 1 else crc) >> 1
+    return crc
+
+
+def packet(board: int, command: int, *data: int, has_crc: bool = False) -> bytes:
+    """Return a packet of the Pololu protocol."""
+    body = bytes((START, board, command & 0x7F, *data))
+    return body + bytes((crc7(body),)) if has_crc else body
+
+
+def timeout_s(value: int) -> float:
+    """Return what a value of the serial timeout parameter means: 0.262 s * (low four bits) * 2^(upper three bits)."""
+    return TIMEOUT_UNIT_S * (value & 0x0F) * float(1 << (value >> 4))
+
+
+@dataclass(frozen=True, slots=True)
+class QikMotor:
+    """Where a motor is connected (board's device id, output 0 or 1), and how fast it turns at which command."""
+
+    board: int
+    output: int
+    curve: Curve
+
+
+@dataclass(frozen=True, slots=True)
+class QikSettings:
+    """How the boards are run.
+
+    Args:
+        eight_bit: speeds of 0 to 255 instead of 0 to 127.
+        has_crc: the boards' CRC jumper is in place.
+        timeout: the value of the serial timeout parameter; 1 is the shortest, 0.262 s.
+        spin_up_s: how long a motor that starts slowly is first given full speed.
+        spin_up_below: commands that are slow in this sense.
+    """
+
+    eight_bit: bool = False
+    has_crc: bool = False
+    timeout: int = 1
+    spin_up_s: float = 0.2
+    spin_up_below: int = 25
+
+    @property
+    def full(self) -> int:
+        """The command for full speed."""
+        return 255 if self.eight_bit else 127
+
+
+def open_line(port: str, baud: int, motors: Sequence[QikMotor], settings: QikSettings) -> QikLine:
+    """Open the port, find all boards, switch on their watchdog, and return their motors at rest.
+
+    Raises:
+        LinkLost: the port could not be opened.
+        DeviceTimeout: a board does not answer.
+        DeviceFault: a board does not take its configuration.
+    """
+    line = QikLine(SerialLink(port, baud), motors, settings)
+    try:
+        line.arm()
+    except BaseException:
+        line.close()
+        raise
+    return line
+
+
+class QikLine:
+    """The boards on one line: a ``MotorLine``."""
+
+    def __init__(self, link: Link, motors: Sequence[QikMotor], settings: QikSettings) -> None:
+        self._link = link
+        self._motors = tuple(motors)
+        self._settings = settings
+        self._boards = tuple(dict.fromkeys(motor.board for motor in motors))
+        self._turns = itertools.cycle(range(len(motors)))
+        self._asking = itertools.cycle(self._boards)
+        self._asked: tuple[int, float, tuple[int, ...]] | None = None
+        self._next_ask_s = 0.0
+        self._wanted = self._applied = (0,) * len(motors)
+        self._sent = [0] * len(motors)
+        self._full_until_s = [0.0] * len(motors)
+        self._heard_s = dict.fromkeys(self._boards, time.monotonic())
+        self._is_resting = False
+
+    @property
+    def name(self) -> str:
+        """The port."""
+        return self._link.name
+
+    @property
+    def motor_count(self) -> int:
+        """Number of motors."""
+        return len(self._motors)
+
+    @property
+    def quantities(self) -> frozenset[Quantity]:
+        """Frequencies only."""
+        return frozenset({Quantity.FREQUENCY})
+
+    @property
+    def period_s(self) -> float:
+        """Set-points go out one motor at a time, so that a new one never waits long for the line."""
+        return 0.02 / len(self._motors)
+
+    @property
+    def watchdog_s(self) -> float:
+        """The boards' serial timeout."""
+        return timeout_s(self._settings.timeout)
+
+    @property
+    def heard_s(self) -> float:
+        """When the most silent board last answered."""
+        return min(self._heard_s.values())
+
+    def check(self, gait: Gait) -> None:
+        """Raise ValueError for a frequency that a calibration curve does not reach."""
+        for number, (motor, frequency_hz) in enumerate(zip(self._motors, gait.frequency_hz, strict=True), start=1):
+            try:
+                motor.curve.command(frequency_hz)
+            except ValueError as error:
+                raise ValueError(f"{self.name}, motor {number} of the line: {error}") from None
+
+    def send(self, gait: Gait) -> None:
+        """Send all speeds."""
+        self.command(tuple(round(m.curve.command(hz)) for m, hz in zip(self._motors, gait.frequency_hz, strict=True)))
+
+    def command(self, commands: Sequence[int]) -> None:
+        """Send all speeds as the board counts them, one for each motor, negative for reverse."""
+        now_s = time.monotonic()
+        for number, (before, after) in enumerate(zip(self._wanted, commands, strict=True)):
+            if not 0 < abs(after) < self._settings.spin_up_below:
+                self._full_until_s[number] = now_s
+            elif before * after <= 0:
+                self._full_until_s[number] = now_s + self._settings.spin_up_s
+        self._wanted = tuple(commands)
+        self._is_resting = False
+        self._link.write(b"".join(self._speed(number, now_s) for number in range(len(self._motors))))
+
+    def repeat(self, gait: Gait) -> None:
+        """Send the speed of the motor whose turn it is."""
+        self._link.write(self._speed(next(self._turns), time.monotonic()))
+
+    def rest(self) -> None:
+        """Send speed 0 to all motors, and when that has been done, to the motor whose turn it is."""
+        self._wanted = (0,) * len(self._motors)
+        numbers = (next(self._turns),) if self._is_resting else range(len(self._motors))
+        self._link.write(b"".join(self._speed(number, time.monotonic()) for number in numbers))
+        self._is_resting = True
+
+    def listen(self, until_s: float) -> None:
+        """Ask the boards in turn for their errors. Raises DeviceFault for any, DeviceTimeout for a late answer."""
+        while True:
+            now_s = time.monotonic()
+            if self._asked is None and now_s >= self._next_ask_s:
+                self._ask(now_s)
+            if answer := self._link.read(1, max(0.0, until_s - now_s)):
+                self._take(answer[0])
+            if self._asked is not None and time.monotonic() - self._asked[1] > _ANSWER_S:
+                board, self._asked = self._asked[0], None
+                raise DeviceTimeout(f"{self.name}: board {board} did not answer within {_ANSWER_S:g} s")
+            if time.monotonic() >= until_s:
+                return
+
+    def state(self) -> MotorState:
+        """Return the frequencies that belong to the speeds which the boards have taken."""
+        applied_hz = tuple(m.curve.frequency_hz(speed) for m, speed in zip(self._motors, self._applied, strict=True))
+        return MotorState(self.heard_s, applied_hz, measured=False)
+
+    def close(self) -> None:
+        """Let go of the line."""
+        self._link.close()
+
+    def arm(self) -> None:
+        """Find all boards, configure them and read that back. Raises as ``open_line`` does."""
+        # Bytes that an earlier program left unfinished make the first packets fail; the error byte is read at the end.
+        self._link.write(bytes((START,)))
+        for board in self._boards:
+            self._find(board)
+            self._configure(board, Parameter.PWM, int(self._settings.eight_bit))
+            self._configure(board, Parameter.SHUT_DOWN, 1)
+            self._configure(board, Parameter.TIMEOUT, self._settings.timeout)
+        self.rest()
+        for board in self._boards:
+            self._query(board, Command.ERRORS)
+            self._heard_s[board] = time.monotonic()
+
+    def _find(self, board: int) -> None:
+        for attempt in itertools.count(1):
+            try:
+                version = self._query(board, Command.FIRMWARE)
+                break
+            except DeviceTimeout:
+                if attempt == _ATTEMPTS:
+                    raise DeviceTimeout(
+                        f"{self.name}: no board answers as number {board}; check power, wiring, baud rate and the "
+                        "board's device id"
+                    ) from None
+        if version not in b"12":
+            raise DeviceFault("firmware", f"{self.name}: board {board} answers {version:#04x}, not as a qik 2s9v1")
+
+    def _configure(self, board: int, parameter: Parameter, value: int) -> None:
+        # The permanent memory wears out, so it is written only where it has to change.
+        if self._query(board, Command.GET, parameter) == value:
+            return
+        self._query(board, Command.SET, parameter, value, *SET_KEY)
+        if (kept := self._query(board, Command.GET, parameter)) != value:
+            raise DeviceFault(
+                "configuration",
+                f"{self.name}: board {board} keeps {kept} as its {parameter.name.lower()} parameter instead of {value}",
+            )
+
+    def _query(self, board: int, command: Command, *data: int) -> int:
+        discard(self._link)
+        self._link.write(packet(board, command, *data, has_crc=self._settings.has_crc))
+        return read_exactly(self._link, 1, time.monotonic() + _ANSWER_S)[0]
+
+    def _speed(self, number: int, now_s: float) -> bytes:
+        motor, settings, speed = self._motors[number], self._settings, self._wanted[number]
+        magnitude = settings.full if speed and now_s < self._full_until_s[number] else abs(speed)
+        self._sent[number] = -magnitude if speed < 0 else magnitude
+        command = Command.SPEED + 4 * motor.output + 2 * (speed < 0) + (magnitude > 127)
+        return packet(motor.board, command, magnitude & 0x7F, has_crc=settings.has_crc)
+
+    def _ask(self, now_s: float) -> None:
+        board = next(self._asking)
+        self._asked = (board, now_s, tuple(self._sent))
+        self._next_ask_s = now_s + _ASK_PERIOD_S
+        self._link.write(packet(board, Command.ERRORS, has_crc=self._settings.has_crc))
+
+    def _take(self, answer: int) -> None:
+        if self._asked is None:
+            raise DeviceFault("sequence", f"{self.name}: {answer:#04x} came unasked")
+        (board, _, sent), self._asked = self._asked, None
+        if answer:
+            names = [name for bit, name in ERRORS.items() if answer & bit]
+            raise DeviceFault(names[-1] if names else "garbled", f"{self.name}: board {board} reports {answer:#04x}")
+        self._heard_s[board] = time.monotonic()
+        self._applied = tuple(
+            now if motor.board == board else before
+            for motor, now, before in zip(self._motors, sent, self._applied, strict=True)
+        )
