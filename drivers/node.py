@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from typing import TypeVar
 
 from controller.interface import DeviceError, DeviceFault, DeviceTimeout, LinkLost
@@ -18,7 +17,6 @@ from drivers.node_protocol import (
     Ack,
     Decoder,
     Fault,
-    Flag,
     Message,
     Status,
     Telemetry,
@@ -115,7 +113,6 @@ class NodeLine:
         self._link = link
         self._decoder = decoder
         self._sequence = telemetry.command
-        self._is_driving = False
         self._clock = RemoteClock()
         self._uptime_s = telemetry.device_ms / 1000.0
         # One attribute, for two threads read it.
@@ -142,11 +139,7 @@ class NodeLine:
         return self._heard[1]
 
     def check(self, gait: Gait) -> None:
-        """Raise ValueError if the node cannot apply ``gait``."""
-        if gait.motor_count != self.motor_count:
-            raise ValueError(f"{gait.motor_count} frequencies given, but the node has {self.motor_count} motors")
-        if any(gait.phase_rad) or any(share != 1.0 for share in gait.amplitude):
-            raise ValueError("a motor node can set frequencies only, no phases and no amplitudes")
+        """Raise ValueError if the node cannot apply the frequencies of ``gait``."""
         for motor, frequency in enumerate(gait.frequency_hz, start=1):
             if abs(frequency) > self.welcome.max_hz:
                 raise ValueError(
@@ -155,14 +148,12 @@ class NodeLine:
 
     def send(self, gait: Gait) -> None:
         """Send the set-point of all motors."""
-        self._is_driving = True
         self._link.write(drive(self._next(), gait.frequency_hz, _HOLD_S))
 
     repeat = send
 
     def rest(self) -> None:
         """Send a stop."""
-        self._is_driving = False
         self._link.write(stop(self._next()))
 
     def listen(self, until_s: float) -> None:
@@ -187,9 +178,7 @@ class NodeLine:
         )
 
     def close(self) -> None:
-        """Stop the motors and let go of the line."""
-        with suppress(LinkLost):
-            self.rest()
+        """Let go of the line."""
         self._link.close()
 
     def _next(self) -> int:
@@ -213,7 +202,7 @@ class NodeLine:
         behind = (self._sequence - telemetry.command) % SEQUENCES
         if behind > _UNTAKEN:
             raise DeviceTimeout(f"{self.name}: the node does not hear the last {behind} commands")
-        if Flag.EXPIRED in telemetry.flags and self._is_driving:
+        if telemetry.expiries:
             raise DeviceFault(WATCHDOG, f"{self.name}: the node stopped the motors, for no command reached it in time")
 
     def _take_ack(self, ack: Ack) -> None:

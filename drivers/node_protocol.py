@@ -22,7 +22,7 @@ _COMMAND = struct.Struct("<BH")
 _DRIVE = struct.Struct("<BHH")
 _WELCOME = struct.Struct("<BHBBBBBBHHIIII")
 _ACK = struct.Struct("<BHBB")
-_TELEMETRY = struct.Struct("<BHIIHHHBBhhhh")
+_TELEMETRY = struct.Struct("<BHIIHHHHBBhhhh")
 _MOTOR = struct.Struct("<iihhhB")
 
 
@@ -72,7 +72,6 @@ class Flag(IntFlag):
 
     GREETED = 1  # a host has said hello since the boot
     DRIVING = 2  # a set-point is in force
-    EXPIRED = 4  # hold or watchdog has stopped the motors, and no command came since
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +122,7 @@ class Telemetry:
         boot_id: differs from boot to boot.
         command: sequence number of the last command that was taken.
         lost: commands that never came, since the hello (modulo 65536).
+        expiries: how often hold or watchdog has stopped the motors, since the hello (modulo 65536).
         bad_frames: frames that came damaged, since the boot (modulo 65536).
         flags, fault: of the node as a whole.
         temperature_c: of the board; None where it is not known.
@@ -135,6 +135,7 @@ class Telemetry:
     boot_id: int
     command: int
     lost: int
+    expiries: int
     bad_frames: int
     flags: Flag
     fault: Fault
@@ -246,7 +247,7 @@ def _ack(payload: bytes) -> Ack:
 
 
 def _telemetry(payload: bytes) -> Telemetry:
-    _, sequence, device_ms, boot_id, command, lost, bad, flags, fault, temperature_dc, *acceleration_mg = (
+    _, sequence, device_ms, boot_id, command, lost, expiries, bad, flags, fault, temperature_dc, *acceleration_mg = (
         _TELEMETRY.unpack_from(payload)
     )
     known = _UNKNOWN not in acceleration_mg
@@ -257,6 +258,7 @@ def _telemetry(payload: bytes) -> Telemetry:
         boot_id,
         command,
         lost,
+        expiries,
         bad,
         Flag(flags),
         Fault(fault),

@@ -26,6 +26,7 @@ class SpeedMeter:
 
     def __init__(self, counts_per_turn: int) -> None:
         self.mhz = 0
+        self.has_turned = False  # since the reading before, and at more than a crawl
         self._mhz_us = 1000000000 // counts_per_turn
         self._turning = False
         self._count = 0
@@ -41,7 +42,9 @@ class SpeedMeter:
             self._turning = True
             self._count = count
             self._edge_us = edge_us
+            self.has_turned = abs(self.mhz) >= _STALL_MHZ
             return
+        self.has_turned = False
         bound = self._mhz_us // max(1, (now_us - self._edge_us) & TICKS)  # it would have shown if it turned faster
         self._turning = self._turning and bound >= _STALL_MHZ
         self.mhz = clamp(self.mhz, bound) if self._turning else 0
@@ -59,7 +62,7 @@ class SpeedLoop:
         self.target_mhz = 0
         self.ramped_mhz = 0
         self.output = 0
-        self.stalled_ms = 0
+        self._stalled_ms = 0
         self._no_load_mhz = no_load_mhz
         self._ramp_mhz_s = ramp_mhz_s
         self._integral = 0
@@ -78,15 +81,14 @@ class SpeedLoop:
         # Anti-windup: a motor that still follows the ramp, or has all of the supply, has no lasting error.
         if self.ramped_mhz == self.target_mhz and wanted == self.output:
             self._integral += error * _INTEGRAL_GAIN * elapsed_ms * _FINE // self._no_load_mhz
-        turning = abs(measured_mhz) >= _STALL_MHZ or abs(self.output) <= _STALL_OUTPUT
-        self.stalled_ms = 0 if turning else self.stalled_ms + elapsed_ms
         return self.output
 
-    @property
-    def is_stalled(self) -> bool:
-        """Whether the motor has not followed a considerable output for too long."""
-        return self.stalled_ms >= _STALL_MS
+    def is_stalled(self, has_turned: bool, elapsed_ms: int) -> bool:
+        """Return whether the motor has not followed a considerable output for a second."""
+        is_well = has_turned or abs(self.output) <= _STALL_OUTPUT
+        self._stalled_ms = 0 if is_well else self._stalled_ms + elapsed_ms
+        return self._stalled_ms >= _STALL_MS
 
     def release(self) -> None:
         """Forget the set-point at once."""
-        self.target_mhz = self.ramped_mhz = self.output = self.stalled_ms = self._integral = 0
+        self.target_mhz = self.ramped_mhz = self.output = self._stalled_ms = self._integral = 0

@@ -29,7 +29,7 @@ NO_FAULT, STALL, OVER_TEMPERATURE = range(3)
 # Sensors
 CURRENT, MOTOR_TEMPERATURE, BOARD_TEMPERATURE, ACCELEROMETER = 1, 2, 4, 8
 # Flags of the telemetry
-GREETED, DRIVING, EXPIRED = 1, 2, 4  # expired: hold or watchdog has stopped the motors, and no command came since
+GREETED, DRIVING = 1, 2
 
 _CONTROL_MS = 10
 _MOTOR_LIMIT_DC = 800
@@ -54,7 +54,7 @@ class Node:
         self.motor_faults = [NO_FAULT] * motors
         self.fault = NO_FAULT
         self.is_driving = False
-        self.is_expired = False
+        self.is_expired = False  # hold or watchdog has stopped the motors, and no command came since
         self._board = board
         self._settings = settings
         self._boot_id = boot_id & TICKS
@@ -62,6 +62,7 @@ class Node:
         self._greeted = False
         self._sequence = 0  # of the last command that was taken
         self._lost = 0
+        self._expiries = 0
         self._heard_ms = self._controlled_ms = self._told_ms = now_ms
         self._hold_ms = 0
         self._control_now = False
@@ -101,7 +102,7 @@ class Node:
         self._release()  # nothing of an earlier host stays in force, except faults
         self._greeted = protocol == PROTOCOL
         self._sequence = sequence
-        self._lost = 0
+        self._lost = self._expiries = 0
         s = self._settings
         return struct.pack(
             "<BHBBBBBBHHIIII",
@@ -174,6 +175,7 @@ class Node:
         if (now_ms - self._heard_ms) & TICKS >= min(self._hold_ms, WATCHDOG_MS):
             self._release()
             self.is_expired = True
+            self._expiries = (self._expiries + 1) & 0xFFFF
 
     def _control(self, elapsed_ms: int, now_us: int) -> None:
         for motor in range(len(self.loops)):
@@ -182,7 +184,7 @@ class Node:
             count, edge_us = self._board.encoder(motor)
             meter.update(count, edge_us, now_us)
             self._board.set_output(motor, loop.regulate(meter.mhz, elapsed_ms))
-            if loop.is_stalled:
+            if loop.is_stalled(meter.has_turned, elapsed_ms):
                 self._fail(STALL, motor)
 
     def _fail(self, fault: int, motor: int | None = None) -> None:
@@ -217,15 +219,16 @@ class Node:
         acceleration = board.acceleration_mg()
         self._told = (self._told + 1) & 0xFFFF
         head = struct.pack(
-            "<BHIIHHHBBhhhh",
+            "<BHIIHHHHBBhhhh",
             TELEMETRY,
             self._told,
             now_ms & TICKS,
             self._boot_id,
             self._sequence,
             self._lost,
+            self._expiries,
             self._reader.bad_frames,
-            self._flags(),
+            (GREETED if self._greeted else 0) | (DRIVING if self.is_driving else 0),
             self.fault,
             board.board_temperature_dc(),
             acceleration[0],
@@ -233,11 +236,6 @@ class Node:
             acceleration[2],
         )
         return head + b"".join([self._motor_telemetry(motor) for motor in range(len(self.loops))])
-
-    def _flags(self) -> int:
-        greeted = GREETED if self._greeted else 0
-        driving = DRIVING if self.is_driving else 0
-        return greeted | driving | (EXPIRED if self.is_expired else 0)
 
     def _motor_telemetry(self, motor: int) -> bytes:
         return struct.pack(

@@ -128,9 +128,13 @@ def test_the_motors_stop_when_hold_or_watchdog_runs_out(bench, hold_s, stopped_a
     assert min(bench.outputs) > 0
     bench.wait(1)
     assert bench.outputs == [0, 0, 0]
-    assert bench.wait(40)[-1].flags == Flag.GREETED | Flag.EXPIRED
+    assert bench.node.is_expired
+    last = bench.wait(40)[-1]
+    assert (last.flags, last.expiries) == (Flag.GREETED, 1)
     bench.command(host.drive, (10.0, 10.0, 10.0), 0.2)
-    assert bench.wait(40)[-1].flags == Flag.GREETED | Flag.DRIVING
+    last = bench.wait(40)[-1]
+    assert (last.flags, last.expiries) == (Flag.GREETED | Flag.DRIVING, 1)
+    assert not bench.node.is_expired
 
 
 def test_without_a_greeting_only_a_stop_is_obeyed():
@@ -258,13 +262,16 @@ def test_the_integral_does_not_wind_up_while_the_supply_is_exhausted():
     assert loop.regulate(measured_mhz=9000, elapsed_ms=10) < 600
 
 
-def test_a_small_output_is_no_stall():
-    loop = SpeedLoop(no_load_mhz=20000, ramp_mhz_s=100000)
-    loop.target_mhz = 100
-    for _ in range(300):
-        loop.regulate(measured_mhz=0, elapsed_ms=10)
-        if abs(loop.output) <= 150:
-            assert not loop.is_stalled
+@pytest.mark.parametrize(("output_share", "stalls"), [(0.10, False), (0.14, False), (0.16, True), (-0.5, True)])
+def test_a_motor_that_does_not_follow_a_considerable_output_for_a_second_is_stalled(output_share, stalls):
+    loop = SpeedLoop(no_load_mhz=20000, ramp_mhz_s=10**6)
+    loop.target_mhz = round(20000 * output_share)
+    told = []
+    for _ in range(100):
+        loop.regulate(measured_mhz=loop.target_mhz, elapsed_ms=10)
+        told.append(loop.is_stalled(has_turned=False, elapsed_ms=10))
+    assert told == [False] * 99 + [stalls]
+    assert not loop.is_stalled(has_turned=True, elapsed_ms=10)
 
 
 @given(st.floats(0.5, 300.0), st.integers(1, 50), st.booleans())
