@@ -1,16 +1,15 @@
-"""The motor node on a computer: MicroPython's Unix port, with a simulated board, on a pseudo-terminal or serial port.
+"""The motor node on a computer: MicroPython's Unix port, with a simulated board, on standard input and output.
 
 For tests, and for trying a host without a board::
 
-    MICROPYPATH=drivers micropython -m firmware.unix /dev/pts/3 3 16700
+    socat PTY,link=node0,raw,echo=0 EXEC:"env MICROPYPATH=drivers micropython -m firmware.unix 3 16700"
 
-with the port, the number of motors and the greatest frequency in mHz.
+with the number of motors and the greatest frequency in mHz.
 """
 
 import os
 import select
 import sys
-import termios
 import time
 
 from .core import BOARD_TEMPERATURE, CURRENT, MOTOR_TEMPERATURE, Node
@@ -19,8 +18,8 @@ from .simulated_board import COUNTS_PER_TURN, SimulatedBoard
 _WAIT_MS = 1
 
 
-def run(port, motors, max_mhz):
-    """Be a node on ``port``, until the line is gone."""
+def run(motors, max_mhz):
+    """Be a node until the line is gone."""
     settings = {
         "motors": motors,
         "max_mhz": max_mhz,
@@ -31,17 +30,19 @@ def run(port, motors, max_mhz):
     }
     board = SimulatedBoard(motors, max_mhz / 800.0)
     node = Node(board, settings, int.from_bytes(os.urandom(4), "little"), time.ticks_ms())
-    with open(port, "r+b", buffering=0) as line:
-        termios.setraw(line.fileno())
-        poll = select.poll()
-        poll.register(line, select.POLLIN)
-        while True:
-            while poll.poll(_WAIT_MS):
-                line.write(node.on_bytes(line.read(1), time.ticks_ms()))
-            now_us = time.ticks_us()
-            board.step(now_us)
-            line.write(node.tick(time.ticks_ms(), now_us))
+    line_in, line_out = sys.stdin.buffer, sys.stdout.buffer
+    poll = select.poll()
+    poll.register(line_in, select.POLLIN)
+    while True:
+        while poll.poll(_WAIT_MS):
+            byte = line_in.read(1)
+            if not byte:
+                return
+            line_out.write(node.on_bytes(byte, time.ticks_ms()))
+        now_us = time.ticks_us()
+        board.step(now_us)
+        line_out.write(node.tick(time.ticks_ms(), now_us))
 
 
 if __name__ == "__main__":
-    run(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
+    run(int(sys.argv[1]), int(sys.argv[2]))
