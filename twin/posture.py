@@ -1,0 +1,64 @@
+"""Where rigid struts are in space, and how a robot as a whole is turned.
+
+A posture is an array of shape (struts, 7): for each strut its middle in metres and the unit quaternion (w first) that
+turns z into its axis, bottom to top.
+"""
+
+from __future__ import annotations
+
+import math
+from math import cos, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Angles = tuple[float, float, float]
+
+
+def nodes_of(posture: Array, halves_m: Array) -> Array:
+    """Return the strut ends in metres, shape (2 * struts, 3), for half lengths of shape (struts,)."""
+    w, x, y, z = posture[:, 3:].T
+    axes = np.stack([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)], axis=1)
+    reach_m = halves_m[:, None] * axes
+    return np.stack([posture[:, :3] + reach_m, posture[:, :3] - reach_m], axis=1).reshape(-1, 3)
+
+
+def turned(posture: Array, yaw_rad: float, pitch_rad: float, about_m: Array) -> Array:
+    """Return the posture pitched, then yawed, about a point of shape (3,). A positive pitch takes z towards x."""
+    w, x = cos(yaw_rad / 2.0) * cos(pitch_rad / 2.0), -sin(yaw_rad / 2.0) * sin(pitch_rad / 2.0)
+    y, z = cos(yaw_rad / 2.0) * sin(pitch_rad / 2.0), sin(yaw_rad / 2.0) * cos(pitch_rad / 2.0)
+    product = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    upright = np.array([[cos(pitch_rad), 0.0, sin(pitch_rad)], [0.0, 1.0, 0.0], [-sin(pitch_rad), 0.0, cos(pitch_rad)]])
+    heading = np.array([[cos(yaw_rad), -sin(yaw_rad), 0.0], [sin(yaw_rad), cos(yaw_rad), 0.0], [0.0, 0.0, 1.0]])
+    middles_m = about_m + (posture[:, :3] - about_m) @ (heading @ upright).T
+    return np.hstack([middles_m, posture[:, 3:] @ product.T])
+
+
+def best_rotation(nodes_m: Array, before_m: Array) -> Array:
+    """Return the rotation, shape (3, 3), that best carries nodes from ``before_m`` to ``nodes_m``, both (nodes, 3).
+
+    Best in the sense of least squares, after W. Kabsch, "A solution for the best rotation to relate two sets of
+    vectors", Acta Crystallographica A32 (1976).
+    """
+    left, _, right = np.linalg.svd((before_m - before_m.mean(axis=0)).T @ (nodes_m - nodes_m.mean(axis=0)))
+    handed = np.sign(np.linalg.det(left) * np.linalg.det(right))
+    return np.asarray((left * [1.0, 1.0, handed] @ right).T)
+
+
+def continued_angles(rotation: Array, last_rad: Angles) -> Angles:
+    """Return yaw, pitch and roll (intrinsic z-y'-x'') of a rotation: of all that describe it, those next to the last.
+
+    So nothing jumps when yaw or roll pass half a turn, nor when the pitch of a rolling robot passes a quarter.
+    """
+    yaw = math.atan2(rotation[1, 0], rotation[0, 0])
+    pitch = math.atan2(-rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
+    roll = math.atan2(rotation[2, 1], rotation[2, 2])
+    same = _next_to(last_rad, (yaw, pitch, roll)), _next_to(last_rad, (yaw + math.pi, math.pi - pitch, roll + math.pi))
+    return min(same, key=lambda angles: math.dist(angles, last_rad))
+
+
+def _next_to(last_rad: Angles, angles_rad: Angles) -> Angles:
+    turns = (round((last - angle) / math.tau) for last, angle in zip(last_rad, angles_rad, strict=True))
+    yaw, pitch, roll = (angle + math.tau * turn for angle, turn in zip(angles_rad, turns, strict=True))
+    return yaw, pitch, roll

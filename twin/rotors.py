@@ -1,0 +1,52 @@
+"""The motors in motion: actual frequencies, the angles turned through, and the forces that come of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.types import Gait
+from twin.body import Motor
+
+Array = NDArray[np.float64]
+
+SAME_HZ = 1e-6  # closer to the commanded frequency, a motor has reached it
+
+
+class Rotors:
+    """Motors that start at rest and follow their commands, each with its own lag and within its own limit.
+
+    Args:
+        motors: the motors.
+        time_step_s: of the integration.
+    """
+
+    def __init__(self, motors: Sequence[Motor], time_step_s: float) -> None:
+        self._laws = [motor.law for motor in motors]
+        self._max_hz = np.array([motor.max_hz for motor in motors])
+        self._lag_steps = np.array([motor.spin_up_s for motor in motors]) / time_step_s
+        self._step_rad = 2.0 * math.pi * time_step_s
+        self._angle_rad = np.zeros(len(motors))
+        self.applied_hz = np.zeros(len(motors))
+
+    def turn(self, gait: Gait, steps: int) -> tuple[Array, NDArray[np.complex128]]:
+        """Turn for so many steps, at least one; return frequencies and forces at each, both of shape (steps, motors).
+
+        A force is x + iy in the frame of its strut: F (sin a + i cos a) at the angle a, which is the integral of the
+        frequency plus the gait's phase.
+        """
+        target_hz = np.clip(gait.frequency_hz, -self._max_hz, self._max_hz)
+        gap_hz = target_hz - self.applied_hz
+        step = np.arange(1, steps + 1)[:, None]
+        if np.abs(gap_hz).max() < SAME_HZ:
+            hz, turned = np.broadcast_to(target_hz, (steps, len(target_hz))), step * target_hz
+        else:
+            hz = target_hz - gap_hz * np.exp(-step / self._lag_steps)
+            turned = np.cumsum(hz, axis=0)
+        angle_rad = self._angle_rad + self._step_rad * turned
+        self.applied_hz, self._angle_rad = hz[-1], angle_rad[-1]
+        size_n = np.stack([law.at(of_motor) for law, of_motor in zip(self._laws, hz.T, strict=True)], axis=1)
+        return hz, size_n * gait.amplitude * 1j * np.exp(-1j * (angle_rad + gait.phase_rad))
