@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 
 SCAN = 500
 LOCAL = 100
-STARTS = 5
-STEPS = 12
+STARTS = 6
+STEPS = 9
 LOG_ROOT_2_PI = 0.5 * math.log(2.0 * math.pi)
 
 
@@ -98,15 +98,15 @@ class PosteriorMean:
 def log_h(z: Array) -> tuple[Array, Array]:
     """Return log h(z) and its derivative, with h(z) = phi(z) + z Phi(z) of the standard normal distribution.
 
-    Below z = -4, with t = -z, h(z) = phi(z) c / (t + c), where c = 1 / (t + 2 / (t + 3 / (t + ...))) is the tail of the
-    continued fraction of Mills' ratio (Abramowitz and Stegun 26.2.14): no difference of nearly equal numbers is taken,
-    and the derivative is 1 / c.
+    Below z = -10, with t = -z, h(z) = phi(z) c / (t + c), where c = 1 / (t + 2 / (t + 3 / (t + ...))) is the tail of
+    the continued fraction of Mills' ratio (Abramowitz and Stegun 26.2.14): no difference of nearly equal numbers is
+    taken. The derivative is 1 / c.
     """
     log_value, slope = np.empty_like(z), np.empty_like(z)
-    far = z < -4.0
+    far = z < -10.0
     t = -z[far]
     fraction = t.copy()
-    for k in range(24, 1, -1):
+    for k in range(10, 1, -1):
         fraction = t + k / fraction
     log_value[far] = -0.5 * t**2 - LOG_ROOT_2_PI - np.log1p(t * fraction)
     slope[far] = fraction

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from transfer.minimise import Objective, minimise
+from transfer.minimise import minimise
 
 Array = NDArray[np.float64]
 
@@ -114,21 +114,24 @@ class GaussianProcess:
 
     def predict_with_gradient(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """Return mean (m,), variance (m,) and their gradients (m, d) each, at places (m, d)."""
-        kernel, slope = self._kernel(x)
+        kernel, rise = self._kernel(x)
         projected = kernel @ self.inverse_root.T
-        away = (x[:, None, :] - self.observations.x[None, :, :]) / self.hyperparameters.length_scale**2
-        # d kernel / d x = -slope * away, shape (m, n, d).
-        mean_gradient = -np.einsum("mn,mnd->md", slope * self.weights, away)
-        variance_gradient = 2.0 * np.einsum("mn,mnd->md", slope * (projected @ self.inverse_root), away)
+        mean_gradient = -self._pulled(x, rise * self.weights)
+        variance_gradient = 2.0 * self._pulled(x, rise * (projected @ self.inverse_root))
         return kernel @ self.weights, self._variance(projected), mean_gradient, variance_gradient
 
     def _kernel(self, x: Array) -> tuple[Array, Array]:
-        """Return kernel and slope, (m, n) each, between places (m, d) and the observations."""
-        hyperparameters = self.hyperparameters
-        left, right = x / hyperparameters.length_scale, self.observations.x / hyperparameters.length_scale
-        squares = (left**2).sum(axis=1)[:, None] + (right**2).sum(axis=1)[None, :] - 2.0 * left @ right.T
-        kernel, slope = _matern(np.maximum(squares, 0.0))
-        return hyperparameters.signal_variance * kernel, hyperparameters.signal_variance * slope
+        """Return the kernel (m, n) between places (m, d) and the observations, and ``rise``, see ``_matern``."""
+        length = self.hyperparameters.length_scale
+        left, right = x / length, self.observations.x / length
+        squares = (left**2).sum(axis=1)[:, None] + (right**2).sum(axis=1) - 2.0 * left @ right.T
+        correlation, rise = _matern(np.maximum(squares, 0.0))
+        return self.hyperparameters.signal_variance * correlation, rise
+
+    def _pulled(self, x: Array, weighted_rise: Array) -> Array:
+        """Return minus the sum over the observations of a weight (m, n) times the kernel's gradient: (m, d)."""
+        difference = x * weighted_rise.sum(axis=1)[:, None] - weighted_rise @ self.observations.x
+        return np.asarray(_length_factors(self.hyperparameters) * difference)
 
     def _variance(self, projected: Array) -> Array:
         signal = self.hyperparameters.signal_variance
@@ -143,42 +146,74 @@ def fit(observations: Observations, prior: Prior, starts: Iterable[Array]) -> Ga
         prior: of the hyperparameters.
         starts: logarithms of hyperparameters, (d + 2,) each; at least one.
     """
-    objective = negative_log_posterior(observations, prior)
+    improbability = Improbability(observations, prior, _squared_differences(observations.x))
     # In units of the prior's standard deviations, where the prior alone has the identity as its Hessian.
-    found = [minimise(objective, (start - prior.mean) / prior.sd) for start in starts]
+    places = [(start - prior.mean) / prior.sd for start in starts]
+    # One guess of the Hessian serves all starts; with the identity instead, a search takes twice as long.
+    hessian = improbability.information(places[0])
+    found = [minimise(improbability, place, hessian) for place in places]
     best, _ = min(found, key=lambda place_and_value: place_and_value[1])
     return GaussianProcess.conditioned(observations, Hyperparameters.from_logs(prior.mean + prior.sd * best))
 
 
-def negative_log_posterior(observations: Observations, prior: Prior) -> Objective:
-    """Return minus the log of likelihood times prior (up to a constant), as a function of ``(logs - mean) / sd``."""
-    squares = _squared_differences(observations.x)
-    diagonal = slice(None, None, len(observations.y) + 1)
+@dataclass(frozen=True, slots=True)
+class Improbability:
+    """Minus the log of likelihood times prior, up to a constant, as a function of ``(logs - prior.mean) / prior.sd``.
 
-    def objective(standardised: Array) -> tuple[float, Array]:
-        hyperparameters = Hyperparameters.from_logs(prior.mean + prior.sd * standardised)
-        covariance, slope = _covariance(observations, hyperparameters, squares)
+    Args:
+        observations: at least one.
+        prior: of the hyperparameters.
+        squares: (d, n * n) squared differences of the observations' places.
+    """
+
+    observations: Observations
+    prior: Prior
+    squares: Array
+
+    def __call__(self, standardised: Array) -> tuple[float, Array]:
+        """Return value and gradient (d + 2,) at a place (d + 2,); the value is infinite where it cannot be computed."""
+        observations, hyperparameters = self.observations, self._hyperparameters(standardised)
+        covariance, rise = _covariance(observations, hyperparameters, self.squares)
         try:
             root = np.linalg.cholesky(covariance)
         except np.linalg.LinAlgError:
             return math.inf, np.zeros_like(standardised)
         inverse = np.linalg.inv(covariance)
         weights = inverse @ observations.y
-        value = 0.5 * float(observations.y @ weights) + float(np.log(root.diagonal()).sum())
-        # Derivative of the value by each entry of the covariance, (n * n,).
-        sensitivity = 0.5 * (inverse - np.outer(weights, weights)).ravel()
-        noise = hyperparameters.noise_variance * float(sensitivity[diagonal] @ observations.share)
-        given = float(sensitivity[diagonal] @ observations.given)
-        gradient = np.concatenate(
-            [
-                squares @ (sensitivity * slope) / hyperparameters.length_scale**2,
-                # All of the covariance but its noise scales with the signal variance.
-                [float(sensitivity @ covariance.ravel()) - noise - given, noise],
-            ]
-        )
-        return value + 0.5 * float(standardised @ standardised), gradient * prior.sd + standardised
+        misfit = float(observations.y @ weights)
+        value = 0.5 * misfit + float(np.log(root.diagonal()).sum())
+        # Twice the derivative of the value by each entry of the covariance.
+        sensitivity = inverse - np.outer(weights, weights)
+        by_length = _length_factors(hyperparameters) * (self.squares @ (sensitivity.ravel() * rise))
+        by_noise = hyperparameters.noise_variance * float(sensitivity.diagonal() @ observations.share)
+        by_given = float(sensitivity.diagonal() @ observations.given)
+        # Scaling the whole covariance would give n - misfit; all of it but the noise scales with the signal variance.
+        by_signal = len(observations.y) - misfit - by_noise - by_given
+        gradient = 0.5 * np.append(by_length, [by_signal, by_noise])
+        return value + 0.5 * float(standardised @ standardised), gradient * self.prior.sd + standardised
 
-    return objective
+    def information(self, standardised: Array) -> Array:
+        """Return the Hessian (d + 2, d + 2) to be expected at a place: Fisher's information, and the prior's identity.
+
+        Its entries are trace(C^-1 dC_i C^-1 dC_j) / 2, with dC_i the covariance's derivative by hyperparameter i.
+        """
+        hyperparameters, places = self._hyperparameters(standardised), len(self.observations.y)
+        covariance, rise = _covariance(self.observations, hyperparameters, self.squares)
+        learned = np.diag(self.observations.share * hyperparameters.noise_variance)
+        by_length = (_length_factors(hyperparameters)[:, None] * self.squares * rise).reshape(-1, places, places)
+        derivatives = np.concatenate([by_length, [covariance - np.diag(self.observations.given) - learned, learned]])
+        relative = np.linalg.inv(covariance) @ derivatives
+        turned = relative.transpose(0, 2, 1).reshape(len(relative), -1)
+        information = 0.5 * relative.reshape(len(relative), -1) @ turned.T
+        return np.asarray(information * np.outer(self.prior.sd, self.prior.sd) + np.eye(len(relative)))
+
+    def _hyperparameters(self, standardised: Array) -> Hyperparameters:
+        return Hyperparameters.from_logs(self.prior.mean + self.prior.sd * standardised)
+
+
+def _length_factors(hyperparameters: Hyperparameters) -> Array:
+    """Return the factors (d,) that make squared differences times ``rise`` the kernel's derivatives by log length."""
+    return 5.0 / 3.0 * hyperparameters.signal_variance / hyperparameters.length_scale**2
 
 
 def _squared_differences(x: Array) -> Array:
@@ -188,17 +223,18 @@ def _squared_differences(x: Array) -> Array:
 
 
 def _covariance(observations: Observations, hyperparameters: Hyperparameters, squares: Array) -> tuple[Array, Array]:
-    """Return the observations' covariance (n, n) and the kernel's slope (n * n,)."""
+    """Return the observations' covariance (n, n), and ``rise`` (n * n,), see ``_matern``."""
     places = len(observations.y)
-    kernel, slope = _matern(hyperparameters.length_scale**-2 @ squares)
-    covariance = (hyperparameters.signal_variance * kernel).reshape(places, places)
+    correlation, rise = _matern(hyperparameters.length_scale**-2 @ squares)
+    covariance = (hyperparameters.signal_variance * correlation).reshape(places, places)
     noise = observations.given + observations.share * hyperparameters.noise_variance
     covariance.ravel()[:: places + 1] += JITTER * hyperparameters.signal_variance + noise
-    return covariance, hyperparameters.signal_variance * slope
+    return covariance, rise
 
 
 def _matern(squares: Array) -> tuple[Array, Array]:
-    """Return the Matern 5/2 correlation and minus twice its derivative, both by the scaled squared distance."""
+    """Return the correlation at scaled squared distances, and ``rise``: its derivative there is -5/6 ``rise``."""
     distance = np.sqrt(5.0 * squares)
     decay = np.exp(-distance)
-    return (1.0 + distance + distance**2 / 3.0) * decay, (5.0 / 3.0) * (1.0 + distance) * decay
+    rise = (1.0 + distance) * decay
+    return rise + (5.0 / 3.0) * squares * decay, rise

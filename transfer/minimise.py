@@ -14,7 +14,9 @@ LONGEST_STEP = 1.5
 ENOUGH_DECREASE = 1e-4
 
 
-def minimise(function: Objective, start: Array, tolerance: float = 1e-4, iterations: int = 50) -> tuple[Array, float]:
+def minimise(
+    function: Objective, start: Array, hessian: Array, tolerance: float = 5e-3, iterations: int = 50
+) -> tuple[Array, float]:
     """Return a local minimum and its value: BFGS with backtracking (Nocedal and Wright 2006, algorithms 6.1 and 3.1).
 
     Scale the variables so that a step of 1 is sensible in each: no step is longer than 1.5.
@@ -22,11 +24,12 @@ def minimise(function: Objective, start: Array, tolerance: float = 1e-4, iterati
     Args:
         function: returns value and gradient; an infinite value marks a place where it does not exist.
         start: (k,) where to begin; the value there must be finite.
+        hessian: (k, k) a guess of the second derivatives there, positive definite.
         tolerance: stop when the quadratic model promises a smaller decrease than this.
         iterations: the most steps to take.
     """
     place, (value, gradient) = start, function(start)
-    inverse_hessian = np.eye(len(start))
+    inverse_hessian = np.asarray(np.linalg.inv(hessian), dtype=np.float64)
     for _ in range(iterations):
         direction = -inverse_hessian @ gradient
         slope = float(gradient @ direction)
