@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 # For each force law of the motors the law and the frequencies to search; a motor turns no faster than these.
 LAWS: dict[str, tuple[ForceLaw, tuple[float, float]]] = {
-    "eccentric": (EccentricForce(4.5e-5), (4.0, 16.7)),
+    "eccentric": (EccentricForce(3.5e-5), (4.0, 16.7)),
     "constant": (ConstantForce(0.35), (5.0, 50.0)),
 }
 SEARCH_HZ = LAWS["eccentric"][1]
@@ -99,11 +99,13 @@ class PlanarEngine:
 
     def nodes_m(self) -> Array:
         """See ``Engine``."""
-        return np.insert(self._plane.nodes_m(), 1, 0.0, axis=1)
+        nodes = np.zeros((len(self.body.nodes_m), 3))
+        nodes[:, 0::2] = self._plane.nodes_m()
+        return nodes
 
     def angles_rad(self) -> tuple[float, float, float]:
         """See ``Engine``. A positive pitch takes z towards x."""
-        return 0.0, float(np.mean(self._settled.angles_rad - self._plane.posture().angles_rad)), 0.0
+        return 0.0, float(self._settled.angles_rad.mean()) - self._plane.mean_angle_rad(), 0.0
 
     def applied_hz(self) -> tuple[float, ...]:
         """See ``Engine``."""

@@ -115,6 +115,7 @@ class Plane:
         self.space.collision_slop = SLOP_M
         self.space.gravity = (0.0, -world.gravity_m_s2)
         self.struts = [self._add_strut(body, strut, posture) for strut in range(len(body.struts))]
+        self._ends = [self._end(node) for node in range(len(body.nodes_m))]
         for spring, rest_m in zip(body.springs, layout.rests_m.tolist(), strict=True):
             self._add_spring(spring, rest_m, body.tension_only)
         self._stretches: set[int] = set()
@@ -127,7 +128,11 @@ class Plane:
 
     def nodes_m(self) -> Array:
         """Return where the strut ends are now, shape (2 * struts, 2)."""
-        return self.posture().nodes_m(self._lengths_m)
+        return np.array([strut.local_to_world(end) for strut, end in self._ends])
+
+    def mean_angle_rad(self) -> float:
+        """Return the mean of the struts' angles now."""
+        return sum(strut.angle for strut in self.struts) / len(self.struts)
 
     def kinetic_j(self) -> float:
         """Return the kinetic energy of all struts."""
@@ -184,13 +189,13 @@ class Plane:
     def _add_spring(self, spring: Spring, rest_m: float, tension_only: bool) -> None:
         from pymunk import DampedSpring
 
-        (a, at_a), (b, at_b) = (self._hook(node) for node in spring.nodes)
+        (a, at_a), (b, at_b) = (self._ends[node] for node in spring.nodes)
         damped = DampedSpring(a, b, at_a, at_b, rest_m, spring.stiffness_n_m, spring.damping_n_s_m)
         if tension_only:
             # pymunk counts a push as positive.
             damped.force_func = lambda held, distance_m: min(0.0, held.stiffness * (held.rest_length - distance_m))
         self.space.add(damped)
 
-    def _hook(self, node: int) -> tuple[pymunk.Body, tuple[float, float]]:
+    def _end(self, node: int) -> tuple[pymunk.Body, tuple[float, float]]:
         half_m = float(self._lengths_m[node // 2]) / 2.0
         return self.struts[node // 2], (-half_m if node % 2 else half_m, 0.0)

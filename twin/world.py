@@ -16,6 +16,11 @@ from controller.streams import stream
 Array = NDArray[np.float64]
 
 
+def _allow(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise ValueError(f"{name} is {value:g}, allowed is {low:g} to {high:g}")
+
+
 @dataclass(frozen=True, slots=True)
 class Flat:
     """Level ground."""
@@ -59,7 +64,7 @@ class Hills:
         seed: of the waves' phases, lengths and directions.
     """
 
-    height_m: float = 0.004
+    height_m: float = 0.006
     wavelength_m: float = 0.2
     seed: int = 0
 
@@ -112,6 +117,9 @@ class World:
         return self.ground.at(np.asarray(x_m, dtype=np.float64), np.asarray(y_m, dtype=np.float64))
 
 
+PLAIN = World()
+
+
 def terrain_grid(world: World, half_width_m: float = 0.5) -> types.Terrain:
     """Return the ground around the origin as a square grid for a viewer."""
     points = 1 + max(1, math.ceil(2.0 * half_width_m / world.ground.straight_m))
@@ -154,8 +162,3 @@ def _setting(kind: str, text: str) -> tuple[str, float]:
         return name, int(value) if name == "seed" else float(value)
     except ValueError:
         raise ValueError(f"{name} is {value!r}, which is not a {'whole ' * (name == 'seed')}number") from None
-
-
-def _allow(name: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:
-        raise ValueError(f"{name} is {value:g}, allowed is {low:g} to {high:g}")
