@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import sys
+import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -11,12 +12,13 @@ from functools import partial
 
 from controller.clock import WallClock
 from controller.config import LineTable, NodeLineTable, OdriveLineTable, QikLineTable, RobotFile
-from controller.interface import DeviceError, DeviceFault, UserError
-from controller.types import Gait, MotorState, Quantity, Structure
+from controller.interface import DeviceError, DeviceFault, TrackingLost, UserError
+from controller.types import Gait, MotorState, Pose, Quantity, Structure
 from drivers.calibration import Curve
 from drivers.keepalive import HeldMotors, MotorLine
 from drivers.trackers.stream import StreamTracker
 
+_GREETING_S, _LOOK_S = 2.0, 0.02
 _PATIENCE_S = 10.0  # with a device that starts anew, or is being plugged in again
 _SWITCH_S = 5e-4  # how long another thread may hold the interpreter before an I/O thread gets it
 
@@ -26,6 +28,7 @@ def open_hardware(robot: RobotFile) -> HardwareRobot:
 
     Raises:
         DeviceError: a device does not answer as it should.
+        TrackingLost: no pose comes from the tracker.
         ValueError: the tracker's address cannot be listened on.
         UserError: a motor is not calibrated.
     """
@@ -38,8 +41,11 @@ def open_hardware(robot: RobotFile) -> HardwareRobot:
             parts.append(open_motors(line))
             opened.callback(parts[-1].close)
         tracker = StreamTracker(robot.tracker.host, robot.tracker.port, robot.tracker.age_limit_s)
+        opened.callback(tracker.close)
+        hardware = HardwareRobot(JoinedMotors(parts), tracker, _structure(robot.body))
+        hardware.find(_GREETING_S)
         opened.pop_all()
-    return HardwareRobot(JoinedMotors(parts), tracker, _structure(robot.body))
+    return hardware
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,8 +197,25 @@ class HardwareRobot:
         self.structure = structure
 
     def place(self, trial: int) -> None:
-        """Open a lost line again and clear faults; the robot itself is where the last trial left it."""
+        """Open a lost line again, clear faults and find the robot, which is where the last trial left it.
+
+        Raises:
+            DeviceError: a device does not come back.
+            TrackingLost: the tracker does not see the robot again.
+        """
         self.motors.ready(_PATIENCE_S)
+        self.find(_PATIENCE_S)
+
+    def find(self, patience_s: float) -> Pose:
+        """Return where the robot is, after waiting for the tracker to see it. Raises TrackingLost."""
+        deadline_s = time.monotonic() + patience_s
+        while True:
+            try:
+                return self.tracker.pose()
+            except TrackingLost:
+                if time.monotonic() > deadline_s:
+                    raise
+            time.sleep(_LOOK_S)
 
     def close(self) -> None:
         """Stop the motors and let go of everything. Idempotent."""

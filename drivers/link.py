@@ -72,4 +72,4 @@ def lost_link(name: str, *symptoms: type[Exception]) -> Iterator[None]:
     except DeviceError:
         raise  # also an OSError, but one that says already what happened
     except kinds as error:
-        raise LinkLost(f"{name}: {error or type(error).__name__}") from error
+        raise LinkLost(f"{name}: the line is gone or cannot be opened ({error})") from error

@@ -45,10 +45,11 @@ class SerialLink:
 
     def read(self, size: int, timeout_s: float) -> bytes:
         """Return what has come in, ``size`` bytes at most, waiting for the first of them. Raises LinkLost."""
-        with lost_link(self._name, *_SYMPTOMS, ValueError):
-            number = self._serial.fileno()
-            if not select.select([number], [], [], timeout_s)[0]:
+        with lost_link(self._name, *_SYMPTOMS):
+            if not select.select([self._serial.fileno()], [], [], timeout_s)[0]:
                 return b""
+        # What is ready to be read and then has no data is the end of the line.
+        with suppress(OSError, *_SYMPTOMS):
             if data := self._serial.read(size):
                 return bytes(data)
         raise LinkLost(f"{self._name}: the device hung up")

@@ -12,28 +12,24 @@ import tempfile
 import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Literal
 
-import msgspec
-
-from controller.assembly import one_line_errors
 from controller.commands.answer import Answer, Command
-from controller.document import load_document, to_toml
 from controller.interface import Robot, UserError
-from drivers.mock.faults import FaultScript
 
 if TYPE_CHECKING:
     from controller.config import LineTable
     from drivers.mock.device import Device
+    from drivers.mock.faults import Fault
     from drivers.mock.plugged import PluggedDevice
     from drivers.mock.port import Port
 
 _MARK = "# Written by vvvaltr mock, which removes it when it ends."
 _STATUS_S = 0.05
-_STDOUT = 1
+_STDIN, _STDOUT = 0, 1
 _HOST = "127.0.0.1"
 _MOTORS, _MAX_HZ, _SEARCH_HZ = 3, 16.5, (4.0, 16.0)  # as far as the twins' motors go
 
@@ -42,18 +38,27 @@ def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("device", choices=("qik", "odrive", "node"), help="what to be")
     parser.add_argument("--robot", choices=("planar", "spatial"), default="planar", help="the twin that it moves")
     parser.add_argument("--link", type=Path, metavar="PATH", help="name of the port (default: in a new directory)")
-    parser.add_argument("--faults", type=Path, metavar="FILE", help="what goes wrong, and when: TOML or JSON")
+    parser.add_argument(
+        "--faults",
+        metavar="FILE",
+        help="what goes wrong, and when: TOML or JSON; - for one JSON object a line, as it comes",
+    )
     group = parser.add_argument_group("odrive on a CAN bus instead of slcan")
     group.add_argument("--interface", help="as python-can names it: socketcan, udp_multicast")
     group.add_argument("--channel", help="as python-can names it: vcan0")
 
 
 def _execute(arguments: Namespace) -> Answer | None:
+    from controller.assembly import one_line_errors
+    from controller.document import load_document
+    from drivers.mock.faults import FaultScript
     from drivers.mock.motion import Motion
     from drivers.mock.plugged import PluggedDevice
     from drivers.trackers.stream import PoseSender
 
-    faults = load_document(arguments.faults, FaultScript).fault if arguments.faults else ()
+    takes_faults = arguments.faults == "-"
+    script = load_document(Path(arguments.faults), FaultScript) if arguments.faults and not takes_faults else None
+    is_over = _EndingSignal()
     with ExitStack() as leaving:
         link = (arguments.link or Path(leaving.enter_context(tempfile.TemporaryDirectory()), "port")).absolute()
         robot_file = link.with_name(f"{link.name}.toml")
@@ -62,12 +67,28 @@ def _execute(arguments: Namespace) -> Answer | None:
         motion = Motion(_twin(arguments.robot), PoseSender(_HOST, tracker_port))
         with one_line_errors():
             port, device, line = _MOCKS[arguments.device](arguments, link)
-        plugged = PluggedDevice(device, port, motion, faults)
+        plugged = PluggedDevice(device, port, motion, script.fault if script else ())
         leaving.callback(plugged.close)
         leaving.callback(robot_file.unlink, missing_ok=True)
         robot_file.write_text(_robot_file(arguments.robot, line, tracker_port), encoding="utf-8")
-        _Status(plugged).run({"port": port.name, "robot_file": str(robot_file), "tracker": f"{_HOST}:{tracker_port}"})
+        with suppress(BrokenPipeError):  # nobody reads on: whoever started the mock has ended
+            _say({"port": port.name, "robot_file": str(robot_file), "tracker": f"{_HOST}:{tracker_port}"})
+            _run(plugged, is_over, takes_faults)
     return None
+
+
+def _run(plugged: PluggedDevice, is_over: Callable[[], bool], takes_faults: bool) -> None:
+    """Run until the end, and say 20 times a second what the device does."""
+    status = _Status(plugged)
+    faults = _FaultLines() if takes_faults else None
+
+    def each_time(now_s: float) -> bool:
+        status.report(now_s)
+        for fault in faults.read() if faults else ():
+            plugged.befall(fault)
+        return is_over()
+
+    plugged.run(each_time)
 
 
 def _qik(arguments: Namespace, link: Path) -> tuple[Port, Device, LineTable]:
@@ -126,8 +147,11 @@ def _twin(name: str) -> Robot:
 
 
 def _robot_file(twin: str, line: LineTable, tracker_port: int) -> str:
+    import msgspec
+
     from controller.assembly import TWINS
     from controller.config import RobotFile, SearchTable, StreamTable
+    from controller.document import to_toml
 
     robot = RobotFile(
         line=(line,),
@@ -149,45 +173,68 @@ def _free_udp_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def _say(status: dict[str, Any]) -> None:
+    # A reader that is behind must not hold up the device: it misses some lines.
+    if select.select((), (_STDOUT,), (), 0.0)[1]:
+        os.write(_STDOUT, json.dumps(status).encode() + b"\n")
+
+
 class _Status:
-    """Runs a mock until a signal, or until nobody reads on, and says 20 times a second what the device does."""
+    """Says what a device does."""
 
     def __init__(self, plugged: PluggedDevice) -> None:
         self._plugged = plugged
         self._next_s = time.monotonic()
-        self._is_over = False
-        # A flag and no exception: the device must be left between two steps, and the clean-up in peace.
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._end)
 
-    def run(self, greeting: dict[str, Any]) -> None:
-        """Say ``greeting``, then run."""
-        self._say(greeting)
-        self._plugged.run(self._report)
+    def report(self, now_s: float) -> None:
+        """Say it, if that is due."""
+        if now_s < self._next_s:
+            return
+        self._next_s = max(self._next_s + _STATUS_S, now_s)
+        _say(
+            {
+                "t_s": round(now_s, 6),
+                "applied_hz": [round(hz, 6) for hz in self._plugged.applied_hz],
+                "watchdog": self._plugged.watchdog,
+                "faults": list(self._plugged.faults),
+            }
+        )
 
-    def _report(self, now_s: float) -> bool:
-        if now_s >= self._next_s:
-            self._next_s = max(self._next_s + _STATUS_S, now_s)
-            self._say(
-                {
-                    "t_s": round(now_s, 6),
-                    "applied_hz": [round(hz, 6) for hz in self._plugged.applied_hz],
-                    "watchdog": self._plugged.watchdog,
-                    "faults": list(self._plugged.faults),
-                }
-            )
-        return self._is_over
 
-    def _say(self, status: dict[str, Any]) -> None:
-        # A reader that is behind must not hold up the device: it misses some lines.
+class _FaultLines:
+    """Faults from standard input, one JSON object a line."""
+
+    def __init__(self) -> None:
+        self._text = b""
+
+    def read(self) -> list[Fault]:
+        """Return what has come."""
+        import msgspec
+
+        from drivers.mock.faults import Fault
+
+        if not select.select((_STDIN,), (), (), 0.0)[0]:
+            return []
+        *lines, self._text = (self._text + os.read(_STDIN, 65536)).split(b"\n")
         try:
-            if select.select((), (_STDOUT,), (), 0.0)[1]:
-                os.write(_STDOUT, json.dumps(status).encode() + b"\n")
-        except BrokenPipeError:
-            self._is_over = True
+            return [msgspec.json.decode(line, type=Fault) for line in lines if line.strip()]
+        except msgspec.DecodeError as error:
+            raise UserError(f"standard input: a fault is one JSON object a line: {error}") from None
 
-    def _end(self, number: int, frame: FrameType | None) -> None:
-        self._is_over = True
+
+class _EndingSignal:
+    """Notes that the mock is to end. A flag and no exception: the device ends between two steps, and cleans up."""
+
+    def __init__(self) -> None:
+        self._has_come = False
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._come)
+
+    def __call__(self) -> bool:
+        return self._has_come
+
+    def _come(self, number: int, frame: FrameType | None) -> None:
+        self._has_come = True
 
 
 COMMAND = Command(
