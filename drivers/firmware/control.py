@@ -26,7 +26,7 @@ class SpeedMeter:
 
     def __init__(self, counts_per_turn: int) -> None:
         self.mhz = 0
-        self.has_turned = False  # since the reading before, and at more than a crawl
+        self.edge_mhz = 0  # the same, but 0 if no edge came since the reading before
         self._mhz_us = 1000000000 // counts_per_turn
         self._turning = False
         self._count = 0
@@ -42,9 +42,9 @@ class SpeedMeter:
             self._turning = True
             self._count = count
             self._edge_us = edge_us
-            self.has_turned = abs(self.mhz) >= _STALL_MHZ
+            self.edge_mhz = self.mhz
             return
-        self.has_turned = False
+        self.edge_mhz = 0
         bound = self._mhz_us // max(1, (now_us - self._edge_us) & TICKS)  # it would have shown if it turned faster
         self._turning = self._turning and bound >= _STALL_MHZ
         self.mhz = clamp(self.mhz, bound) if self._turning else 0
@@ -83,9 +83,10 @@ class SpeedLoop:
             self._integral += error * _INTEGRAL_GAIN * elapsed_ms * _FINE // self._no_load_mhz
         return self.output
 
-    def is_stalled(self, has_turned: bool, elapsed_ms: int) -> bool:
-        """Return whether the motor has not followed a considerable output for a second."""
-        is_well = has_turned or abs(self.output) <= _STALL_OUTPUT
+    def is_stalled(self, edge_mhz: int, elapsed_ms: int) -> bool:
+        """Return whether no edge has shown, for a second, that the motor follows a considerable output."""
+        follows = edge_mhz >= _STALL_MHZ if self.output > 0 else edge_mhz <= -_STALL_MHZ
+        is_well = follows or abs(self.output) <= _STALL_OUTPUT
         self._stalled_ms = 0 if is_well else self._stalled_ms + elapsed_ms
         return self._stalled_ms >= _STALL_MS
 

@@ -184,7 +184,7 @@ class Node:
             count, edge_us = self._board.encoder(motor)
             meter.update(count, edge_us, now_us)
             self._board.set_output(motor, loop.regulate(meter.mhz, elapsed_ms))
-            if loop.is_stalled(meter.has_turned, elapsed_ms):
+            if loop.is_stalled(meter.edge_mhz, elapsed_ms):
                 self._fail(STALL, motor)
 
     def _fail(self, fault: int, motor: int | None = None) -> None:

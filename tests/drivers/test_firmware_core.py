@@ -269,9 +269,10 @@ def test_a_motor_that_does_not_follow_a_considerable_output_for_a_second_is_stal
     told = []
     for _ in range(100):
         loop.regulate(measured_mhz=loop.target_mhz, elapsed_ms=10)
-        told.append(loop.is_stalled(has_turned=False, elapsed_ms=10))
+        told.append(loop.is_stalled(edge_mhz=0, elapsed_ms=10))
     assert told == [False] * 99 + [stalls]
-    assert not loop.is_stalled(has_turned=True, elapsed_ms=10)
+    assert loop.is_stalled(edge_mhz=-loop.target_mhz, elapsed_ms=10) == stalls
+    assert not loop.is_stalled(edge_mhz=loop.target_mhz, elapsed_ms=10)
 
 
 @given(st.floats(0.5, 300.0), st.integers(1, 50), st.booleans())

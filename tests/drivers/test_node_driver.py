@@ -28,7 +28,7 @@ class Node:
         boots = itertools.count(1)
         self.device = NodeDevice(3, 16.7, lambda: next(boots), time.monotonic())
         self.port = str(link)
-        self._plugged = PluggedDevice(self.device, PtyPort(link, BAUD))
+        self._plugged = PluggedDevice(self.device, PtyPort(link, is_paced=True))
         self._over = threading.Event()
         self._thread = threading.Thread(target=lambda: self._plugged.run(lambda _: self._over.is_set()))
         self._thread.start()
@@ -72,13 +72,21 @@ def until(condition, within_s=3.0):
     return time.monotonic() - begin_s
 
 
-def drive_for(motors, duration_s, gait=GAIT):
-    """Drive as a trial does, looking at the motors; return the last state."""
-    state = motors.state()
+def drive_for(motors, duration_s):
+    """Drive as a trial does, looking at the motors."""
     for _ in range(round(duration_s / 0.05)):
-        motors.drive(gait, 0.25)
+        motors.drive(GAIT, 0.25)
         time.sleep(0.05)
-        state = motors.state()
+        motors.state()
+
+
+def drive_until_reached(motors, within_s=5.0):
+    """Drive until the motors turn as they are told: at once, but for a busy computer."""
+    wanted = pytest.approx(GAIT.frequency_hz, rel=0.05)
+    begin_s = time.monotonic()
+    while (state := motors.state()).frequency_hz != wanted:
+        assert time.monotonic() - begin_s < within_s, f"they turn at {state.frequency_hz}"
+        drive_for(motors, 0.05)
     return state
 
 
@@ -100,8 +108,7 @@ def test_it_knows_the_node_that_it_greeted(node):
 
 
 def test_the_node_turns_at_what_it_is_told_and_measures_it(motors):
-    state = drive_for(motors, 0.8)
-    assert state.frequency_hz == pytest.approx(GAIT.frequency_hz, rel=0.02)
+    state = drive_until_reached(motors)
     assert state.measured
     assert len(state.current_a) == len(state.temperature_c) == 3
     assert 0.0 <= time.monotonic() - state.t_s < 0.1
@@ -165,7 +172,7 @@ def test_a_node_that_has_rebooted_is_a_lost_link_until_it_is_greeted_again(motor
     node.befall(Kind.BROWN_OUT, duration_s=0.05)
     assert isinstance(problem_of(motors), LinkLost)
     motors.ready(patience_s=2.0)
-    assert drive_for(motors, 0.6).frequency_hz == pytest.approx(GAIT.frequency_hz, rel=0.05)
+    drive_until_reached(motors)
 
 
 def test_an_unplugged_node_is_a_lost_link_until_it_is_plugged_in_again(motors, node):
@@ -188,7 +195,8 @@ def test_a_node_that_says_nothing_is_a_timeout(motors, node):
 def test_a_few_lost_damaged_or_repeated_messages_do_no_harm(motors, node, kind):
     drive_for(motors, 0.2)
     node.befall(kind, replies=5)
-    assert drive_for(motors, 0.6).frequency_hz == pytest.approx(GAIT.frequency_hz, rel=0.05)
+    drive_for(motors, 0.4)
+    drive_until_reached(motors)
 
 
 def test_telemetry_that_arrives_after_its_successor_is_a_fault(motors, node):
@@ -224,7 +232,7 @@ def test_a_node_of_another_version_is_refused_with_the_cure(node, monkeypatch):
 
 
 def test_a_line_without_a_node_is_a_timeout_with_the_cure(tmp_path):
-    port = PtyPort(tmp_path / "nothing", BAUD)
+    port = PtyPort(tmp_path / "nothing", is_paced=True)
     with pytest.raises(DeviceTimeout, match="no motor node answers; check power"):
         open_node(SerialLink(port.name, BAUD))
     port.close()
