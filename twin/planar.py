@@ -6,17 +6,16 @@ motors turn in that plane, in the frame of their strut.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.types import Gait
-from twin.body import Body, ConstantForce, EccentricForce, ForceLaw, Motor, Parts
+from twin.body import Body, ConstantForce, EccentricForce, ForceLaw, Parts
 from twin.engine import LEVEL, Diverged, Start
 from twin.plane import Plane, Posture, flattened
+from twin.rotors import Rotors
 from twin.stepper import STEPS_AT_ONCE
 from twin.world import World
 
@@ -42,7 +41,6 @@ PLANAR_PARTS = Parts(
 )
 
 FORMING_S, SETTLING_S = 1.0, 2.0
-SAME_HZ = 1e-6
 MOST_J = 20.0  # of motion: the whole robot at 22 m/s; strong gaits reach some thousandths
 
 
@@ -70,7 +68,7 @@ class PlanarEngine:
         """See ``Engine``. The space is a new one: what the old one remembers of contacts would change the motion."""
         posture = _put_down(self._settled, flattened(self.body).lengths_m, start, self.world)
         self._plane = Plane(self.body, self.world, posture, self.time_step_s)
-        self._rotors = _Rotors(self.body.motors, self.time_step_s)
+        self._rotors = Rotors(self.body.motors, self.time_step_s)
         self._due_s = 0.0
         self._steps = 0
 
@@ -92,7 +90,8 @@ class PlanarEngine:
 
     def _run(self, gait: Gait, steps: int) -> None:
         self._plane.lay_ground()
-        self._plane.stepper.run(self._rotors.forces_n(gait, steps))
+        _, forces_n = self._rotors.turn(gait, steps)
+        self._plane.stepper.run(forces_n)
         self._steps += steps
         if not (kinetic_j := self._plane.kinetic_j()) < MOST_J:
             raise Diverged(f"the planar twin broke down at {self.time_s:.3f} s: the struts move with {kinetic_j:.3g} J")
@@ -110,36 +109,6 @@ class PlanarEngine:
     def applied_hz(self) -> tuple[float, ...]:
         """See ``Engine``."""
         return tuple(self._rotors.applied_hz.tolist())
-
-
-class _Rotors:
-    """The motors in motion: actual frequencies, the angles turned through, and the forces that come of them."""
-
-    def __init__(self, motors: Sequence[Motor], time_step_s: float) -> None:
-        self._laws = [motor.law for motor in motors]
-        self._max_hz = np.array([motor.max_hz for motor in motors])
-        self._step_rad = 2.0 * math.pi * time_step_s
-        self._count = np.arange(1, STEPS_AT_ONCE + 1)[:, None]
-        # What is left after each step of the gap between actual and commanded frequency.
-        self._left = np.exp(-self._count * time_step_s / [motor.spin_up_s for motor in motors])
-        self._angle_rad = np.zeros(len(motors))
-        self.applied_hz = np.zeros(len(motors))
-
-    def forces_n(self, gait: Gait, steps: int) -> NDArray[np.complex128]:
-        """Turn for so many steps, at most STEPS_AT_ONCE; return the forces at each as x + iz, shape (steps, motors)."""
-        target_hz = np.minimum(np.maximum(gait.frequency_hz, -self._max_hz), self._max_hz)
-        gap_hz = target_hz - self.applied_hz
-        if np.abs(gap_hz).max() < SAME_HZ:
-            self.applied_hz = hz = target_hz
-            turned = self._count[:steps] * hz
-        else:
-            hz = target_hz - gap_hz * self._left[:steps]
-            turned = np.cumsum(hz, axis=0)
-            self.applied_hz = hz[-1]
-        angle_rad = self._angle_rad + self._step_rad * turned
-        self._angle_rad = angle_rad[-1]
-        size_n = np.array([law.at(of_motor) for law, of_motor in zip(self._laws, hz.T, strict=True)]).T * gait.amplitude
-        return np.asarray(size_n * 1j * np.exp(-1j * (angle_rad + gait.phase_rad)))  # F (sin + i cos)
 
 
 @lru_cache(maxsize=64)

@@ -38,15 +38,16 @@ class Rotors:
         A force is x + iy in the frame of its strut: F (sin a + i cos a) at the angle a, which is the integral of the
         frequency plus the gait's phase.
         """
-        target_hz = np.clip(gait.frequency_hz, -self._max_hz, self._max_hz)
+        target_hz = np.minimum(np.maximum(gait.frequency_hz, -self._max_hz), self._max_hz)
         gap_hz = target_hz - self.applied_hz
         step = np.arange(1, steps + 1)[:, None]
         if np.abs(gap_hz).max() < SAME_HZ:
-            hz, turned = np.broadcast_to(target_hz, (steps, len(target_hz))), step * target_hz
+            hz, turned = target_hz, step * target_hz
         else:
             hz = target_hz - gap_hz * np.exp(-step / self._lag_steps)
             turned = np.cumsum(hz, axis=0)
         angle_rad = self._angle_rad + self._step_rad * turned
+        size_n = np.array([law.at(of_motor) for law, of_motor in zip(self._laws, hz.T, strict=True)]).T
+        hz = np.broadcast_to(hz, turned.shape)
         self.applied_hz, self._angle_rad = hz[-1], angle_rad[-1]
-        size_n = np.stack([law.at(of_motor) for law, of_motor in zip(self._laws, hz.T, strict=True)], axis=1)
         return hz, size_n * gait.amplitude * 1j * np.exp(-1j * (angle_rad + gait.phase_rad))
