@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,17 +85,23 @@ def open_rig(choice: RobotChoice, seed: int) -> Rig:
         return _open_twin(choice, seed) if choice.is_twin else _open_hardware(choice)
 
 
-def _open_twin(choice: RobotChoice, seed: int) -> Rig:
+def make_twin(choice: RobotChoice, seed: int) -> TwinRobot:
+    """Return the twin that ``choice`` describes, without a guard. Raises ValueError if there is none."""
     from twin import robot
     from twin.world import world_named
 
-    twin: TwinRobot = getattr(robot, f"{choice.name}_robot")(
+    make: Callable[..., TwinRobot] = getattr(robot, f"{choice.name}_robot")
+    return make(
         body=choice.body,
         world=world_named(choice.world or "flat", choice.gravity_m_s2, choice.friction),
         damage=choice.damage or (),
         law=choice.law,
         seed=seed,
     )
+
+
+def _open_twin(choice: RobotChoice, seed: int) -> Rig:
+    twin = make_twin(choice, seed)
     return Rig(GuardedRobot(twin, Limits(twin.max_hz)), TrialSettings(), twin.range_hz)
 
 

@@ -6,22 +6,22 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.assembly import Rig, open_rig
+from controller.assembly import make_twin
 from controller.run_config import RobotChoice
 from controller.scoring import score
 from controller.trial_runner import TrialSettings, run_trial
 from controller.types import Gait
+from twin.batch import run_all
+from twin.robot import TwinRobot
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,33 +70,25 @@ class Survey:
 
 
 def measure(survey: Survey, jobs: int, progress: Callable[[Iterable[float]], Iterable[float]]) -> tuple[Panel, ...]:
-    """Run the survey over ``jobs`` processes; the result does not depend on their number.
+    """Run the survey with ``jobs`` processes or threads; the result does not depend on their number.
 
     Args:
         survey: what to measure.
-        jobs: processes.
-        progress: wraps the stream of speeds, one per gait, to show how far it is.
+        jobs: how much at a time.
+        progress: wraps the stream of speeds, one per trial, to show how far it is.
     """
-    numbered = list(enumerate(survey.gaits()))
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        chunk = max(1, len(numbered) // (8 * jobs))
-        speeds = np.array(list(progress(pool.map(partial(_mean_speed_m_s, survey), numbered, chunksize=chunk))))
-    panels = speeds.reshape(len(survey.pairs), survey.grid, survey.grid)
-    return tuple(Panel(pair, survey.frequency_hz, panel) for pair, panel in zip(survey.pairs, panels, strict=True))
+    trials = [gait for gait in survey.gaits() for _ in range(survey.repeats)]
+    tasks = [partial(_speed_m_s, survey, gait, number) for number, gait in enumerate(trials, start=1)]
+    speeds = np.array(list(progress(run_all(partial(make_twin, survey.choice, survey.seed), tasks, jobs))))
+    by_gait = np.ma.masked_invalid(speeds.reshape(len(survey.pairs), survey.grid, survey.grid, survey.repeats))
+    means = by_gait.mean(axis=3).filled(np.nan)
+    return tuple(Panel(pair, survey.frequency_hz, mean) for pair, mean in zip(survey.pairs, means, strict=True))
 
 
-@cache  # a worker process measures many gaits on one robot
-def _rig(choice: RobotChoice, seed: int) -> Rig:
-    return open_rig(choice, seed)
-
-
-def _mean_speed_m_s(survey: Survey, numbered: tuple[int, Gait]) -> float:
-    number, gait = numbered
-    robot = _rig(survey.choice, survey.seed).robot
-    first = 1 + number * survey.repeats
-    trials = (run_trial(robot, gait, survey.settings, first + repeat) for repeat in range(survey.repeats))
-    speeds = [score(trial, survey.score_name) for trial in trials if trial.outcome.is_valid]
-    return float(np.mean(speeds)) if speeds else math.nan
+def _speed_m_s(survey: Survey, gait: Gait, number: int, robot: TwinRobot) -> float:
+    """Return the speed of one trial, NaN where it measured nothing."""
+    trial = run_trial(robot, gait, survey.settings, number)
+    return score(trial, survey.score_name) if trial.outcome.is_valid else math.nan
 
 
 def draw(panels: tuple[Panel, ...], title: str, path: Path) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from argparse import ArgumentParser, Namespace
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--repeats", type=whole(1), default=3, metavar="N", help="trials per gait (default 3)")
     parser.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
                         help="frequencies in Hz")  # fmt: skip
-    parser.add_argument("--jobs", type=whole(1), default=1, metavar="N", help="processes (default 1)")
+    parser.add_argument("--jobs", type=whole(1), metavar="N", help="at a time (default: all cores)")
     parser.add_argument("--out", type=Path, default=Path("landscape.png"), help="picture (default landscape.png)")
 
 
@@ -32,9 +34,11 @@ def _execute(arguments: Namespace) -> Answer:
 
     from controller.landscape import draw, measure
 
-    total = len(survey.pairs) * survey.grid**2
+    gaits = len(survey.pairs) * survey.grid**2
     panels = measure(
-        survey, arguments.jobs, lambda speeds: tqdm(speeds, total=total, unit="gait", desc="landscape", file=sys.stderr)
+        survey,
+        jobs=arguments.jobs or os.cpu_count() or 1,
+        progress=partial(tqdm, total=gaits * survey.repeats, unit="trial", desc="landscape", file=sys.stderr),
     )
     condition = survey.choice
     draw(panels, f"{condition.name} {condition.body} on {condition.world}, {survey.score_name} speed", arguments.out)
@@ -49,7 +53,7 @@ def _execute(arguments: Namespace) -> Answer:
             for panel in panels
         ],
     }
-    return Answer(f"{total} gaits, {survey.repeats} trials each: {arguments.out}", result)
+    return Answer(f"{gaits} gaits, {survey.repeats} trials each: {arguments.out}", result)
 
 
 def _refuse_bad_out(out: Path) -> None:
