@@ -164,3 +164,11 @@ class Optimizer(Protocol):
     def predict(self, gaits: Sequence[Gait]) -> tuple[Estimate, ...]:
         """Return what the model expects of the gaits' true scores. Raises ValueError before the first ``tell``."""
         ...
+
+    def promising(self, count: int) -> tuple[Gait, ...]:
+        """Return up to ``count`` gaits of great posterior mean, the recommended one first, none near another."""
+        ...
+
+    def improvement(self) -> float:
+        """Return what the next suggestion is expected to gain, in the score's unit; infinite without a model."""
+        ...

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.streams import stream
 from controller.types import GaitSpace, Source
 from transfer.belief import Belief, Trials, refitted
-from transfer.gp import GaussianProcess, Observations
+from transfer.earlier_run import EarlierRun, learned_from
+from transfer.gp import Observations
 from transfer.proposal import Proposal, best_mean, expected_improvement
 from transfer.scale import Scale
-from transfer.search import Search, places
+from transfer.search import Search
 
 Array = NDArray[np.float64]
 
@@ -62,9 +62,7 @@ class EfficientBO(Search):
     """
 
     def __init__(self, space: GaitSpace, seed: int, sources: Sequence[Source]) -> None:
-        if not sources:
-            raise ValueError("Efficient-BO learns from an earlier run: give it a source")
-        runs = [EarlierRun.learned(space, seed, source) for source in sources]
+        runs = learned_from(space, seed, sources)
 
         def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief:
             return learned_together(space, runs, trials, last, rng)
@@ -74,32 +72,6 @@ class EfficientBO(Search):
             return expected_improvement(trials, belief, rng, best_mean)
 
         super().__init__(space, seed, learn, propose)
-
-
-@dataclass(frozen=True, slots=True)
-class EarlierRun:
-    """A source's trials, and the process that was fitted to them alone, with its scale."""
-
-    trials: Trials
-    process: GaussianProcess
-    scale: Scale
-
-    @classmethod
-    def learned(cls, space: GaitSpace, seed: int, source: Source) -> EarlierRun:
-        """Return what a source says by itself.
-
-        Raises:
-            ValueError: it has another number of motors than the space.
-        """
-        trials = Trials(places(space, source.gaits), np.array(source.scores))
-        scale = Scale.of(trials.scores)
-        observations = Observations.alike(trials.x, scale.standardise(trials.scores))
-        rng = stream(seed, 0, f"hyperparameters of {source.name}")
-        return cls(trials, refitted(observations, None, 0, rng), scale)
-
-    def predicted(self, x: Array) -> Array:
-        """Return the scores (m,) that the source alone predicts at places (m, d)."""
-        return self.scale.centre + self.scale.spread * self.process.predict(x)[0]
 
 
 def source_variance(differences: Array) -> float:

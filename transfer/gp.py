@@ -30,12 +30,16 @@ class Observations:
         y: (n,) values, about of mean 0 and variance 1.
         given: (n,) known part of each value's noise variance.
         share: (n,) how much of the learned noise variance each value has.
+        coupling: (n, n) correlation, at the same place, of the functions that two values are of; 1 for one function.
+        loading: (n,) the same of the function that a value is of and the one to predict.
     """
 
     x: Array
     y: Array
     given: Array
     share: Array
+    coupling: Array | float = 1.0
+    loading: Array | float = 1.0
 
     @classmethod
     def alike(cls, x: Array, y: Array) -> Observations:
@@ -121,12 +125,13 @@ class GaussianProcess:
         return kernel @ self.weights, self._variance(projected), mean_gradient, variance_gradient
 
     def _kernel(self, x: Array) -> tuple[Array, Array]:
-        """Return the kernel (m, n) between places (m, d) and the observations, and ``rise``, see ``_matern``."""
+        """Return the kernel (m, n) of places (m, d) and the observations, and ``rise``, see ``_matern``, coupled."""
         length = self.hyperparameters.length_scale
         left, right = x / length, self.observations.x / length
         squares = (left**2).sum(axis=1)[:, None] + (right**2).sum(axis=1) - 2.0 * left @ right.T
         correlation, rise = _matern(np.maximum(squares, 0.0))
-        return self.hyperparameters.signal_variance * correlation, rise
+        loading = self.observations.loading
+        return self.hyperparameters.signal_variance * loading * correlation, loading * rise
 
     def _pulled(self, x: Array, weighted_rise: Array) -> Array:
         """Return minus the sum over the observations of a weight (m, n) times the kernel's gradient: (m, d)."""
@@ -136,6 +141,14 @@ class GaussianProcess:
     def _variance(self, projected: Array) -> Array:
         signal = self.hyperparameters.signal_variance
         return np.asarray(np.maximum(signal - (projected**2).sum(axis=1), 1e-10 * signal))
+
+
+def log_evidence(observations: Observations, hyperparameters: Hyperparameters) -> float:
+    """Return the log probability of the observed values under the hyperparameters, up to a constant of their number."""
+    covariance, _ = _covariance(observations, hyperparameters, _squared_differences(observations.x))
+    root = np.linalg.cholesky(covariance)
+    misfit = observations.y @ np.linalg.solve(covariance, observations.y)
+    return -0.5 * float(misfit) - float(np.log(root.diagonal()).sum())
 
 
 def fit(observations: Observations, prior: Prior, starts: Iterable[Array]) -> GaussianProcess:
@@ -223,13 +236,14 @@ def _squared_differences(x: Array) -> Array:
 
 
 def _covariance(observations: Observations, hyperparameters: Hyperparameters, squares: Array) -> tuple[Array, Array]:
-    """Return the observations' covariance (n, n), and ``rise`` (n * n,), see ``_matern``."""
+    """Return the observations' covariance (n, n), and ``rise`` (n * n,), see ``_matern``, times the coupling."""
     places = len(observations.y)
     correlation, rise = _matern(hyperparameters.length_scale**-2 @ squares)
-    covariance = (hyperparameters.signal_variance * correlation).reshape(places, places)
+    coupling = observations.coupling
+    covariance = hyperparameters.signal_variance * coupling * correlation.reshape(places, places)
     noise = observations.given + observations.share * hyperparameters.noise_variance
     covariance.ravel()[:: places + 1] += JITTER * hyperparameters.signal_variance + noise
-    return covariance, rise
+    return covariance, (coupling * rise.reshape(places, places)).ravel()
 
 
 def _matern(squares: Array) -> tuple[Array, Array]:

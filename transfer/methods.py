@@ -9,7 +9,12 @@ from types import MappingProxyType
 from controller.interface import Optimizer
 from controller.types import GaitSpace, Source
 from transfer.efficient_bo import EfficientBO
+from transfer.icm import ICM
+from transfer.optimistic import Optimistic
 from transfer.plain_bo import PlainBO
+from transfer.random_search import RandomSearch
+from transfer.rgpe import RGPE
+from transfer.warm import WarmStart
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +43,31 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             "Efficient-BO as published: an earlier run's trials count as noisy trials of this one",
             uses_sources=True,
             make=EfficientBO,
+        ),
+        "warm": Method(
+            "Plain-BO that begins with the sources' best gaits",
+            uses_sources=True,
+            make=WarmStart,
+        ),
+        "rgpe": Method(
+            "ensemble of all tasks' processes, weighted by how they rank this task's trials (Feurer et al. 2018)",
+            uses_sources=True,
+            make=RGPE,
+        ),
+        "icm": Method(
+            "one process of all tasks, with a learned correlation of each source (multi-task Gaussian process)",
+            uses_sources=True,
+            make=ICM,
+        ),
+        "optimistic": Method(
+            "a control: Plain-BO that takes what is unknown for fast, without a source",
+            uses_sources=False,
+            make=lambda space, seed, _: Optimistic(space, seed),
+        ),
+        "random": Method(
+            "a control: gaits drawn at random",
+            uses_sources=False,
+            make=lambda space, seed, _: RandomSearch(space, seed),
         ),
     }
 )

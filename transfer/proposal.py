@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,10 +15,14 @@ from transfer.belief import Belief, Trials
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A place (d,) of the unit cube to try next, and what proposed it."""
+    """A place (d,) of the unit cube to try next, and what proposed it.
+
+    ``improvement`` is the standardised score that it is expected to gain, infinite where it was not chosen for that.
+    """
 
     x: NDArray[np.float64]
     origin: str
+    improvement: float = math.inf
 
 
 Incumbent = Callable[[Trials, Belief], float]
@@ -27,7 +32,8 @@ Incumbent = Callable[[Trials, Belief], float]
 def expected_improvement(trials: Trials, belief: Belief, rng: np.random.Generator, incumbent: Incumbent) -> Proposal:
     """Return the place of the greatest expected improvement."""
     acquisition = LogExpectedImprovement(belief.posterior, incumbent(trials, belief), belief.noise_variance)
-    return Proposal(maximise(acquisition, belief.promising(), rng), "expected improvement")
+    x = maximise(acquisition, belief.promising(), rng)
+    return Proposal(x, "expected improvement", math.exp(acquisition.value(x[None, :])[0]))
 
 
 def best_mean(trials: Trials, belief: Belief) -> float:

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from controller.streams import stream
 from controller.types import Estimate, Gait, GaitSpace, Recommendation, Suggestion
-from transfer.acquisition import PosteriorMean, maximise
+from transfer.acquisition import SCAN, PosteriorMean, maximise
 from transfer.belief import Belief, Trials
 from transfer.proposal import Proposal
+from transfer.spread import spread_out
 
 Array = NDArray[np.float64]
 
@@ -65,8 +66,7 @@ class Search:
         Raises:
             ValueError: nothing has been told yet.
         """
-        belief = self._told()
-        x = maximise(PosteriorMean(belief.posterior), belief.promising(), self._stream("recommendation"))
+        x, belief = self._best(), self._told()
         return Recommendation(self._space.from_unit(x), belief.estimates(x[None, :])[0])
 
     def predict(self, gaits: Sequence[Gait]) -> tuple[Estimate, ...]:
@@ -76,6 +76,30 @@ class Search:
             ValueError: nothing has been told yet, or a gait has another number of motors.
         """
         return self._told().estimates(places(self._space, gaits))
+
+    def promising(self, count: int) -> tuple[Gait, ...]:
+        """Return up to ``count`` gaits of great posterior mean, the recommended one first, none near another.
+
+        Raises:
+            ValueError: nothing has been told yet.
+        """
+        others = np.concatenate([self._told().seen, self._stream("promising").random((SCAN, self._space.dimension))])
+        x = np.vstack([self._best(), np.clip(others, 0.0, 1.0)])
+        chosen = spread_out(x, np.append(np.inf, self._told().posterior.predict(x[1:])[0]), count)
+        return tuple(map(self._space.from_unit, chosen))
+
+    def improvement(self) -> float:
+        """Return what the next suggestion is expected to gain over the best known gait, in the unit of the score.
+
+        Infinite while trials are not chosen for that.
+        """
+        spread = 1.0 if self._belief is None else self._belief.scale.spread
+        return spread * self._propose(self._trials, self._belief, self._stream("proposal")).improvement
+
+    def _best(self) -> Array:
+        """Return the place (d,) of the greatest posterior mean."""
+        belief = self._told()
+        return maximise(PosteriorMean(belief.posterior), belief.promising(), self._stream("recommendation"))
 
     def _told(self) -> Belief:
         if self._belief is None or not len(self._trials):

@@ -1,0 +1,24 @@
+"""Choosing some good places that are not all the same."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+APART = 0.1
+"""How far apart places are at least, as a share of the unit cube's diagonal."""
+
+
+def spread_out(x: Array, values: Array, count: int) -> Array:
+    """Return up to ``count`` of places (n, d), those of the greatest values (n,) first, none near another."""
+    chosen: list[Array] = []
+    for place in x[np.argsort(-values, kind="stable")]:
+        if all(np.linalg.norm(place - other) >= APART * math.sqrt(x.shape[1]) for other in chosen):
+            chosen.append(place)
+        if len(chosen) == count:
+            break
+    return np.array(chosen)
