@@ -141,7 +141,7 @@ class NodeLine:
     def check(self, gait: Gait) -> None:
         """Raise ValueError if the node cannot apply the frequencies of ``gait``."""
         for motor, frequency in enumerate(gait.frequency_hz, start=1):
-            if abs(frequency) > self.welcome.max_hz:
+            if abs(frequency) > self.welcome.max_hz + 1e-9:
                 raise ValueError(
                     f"motor {motor}: the node turns at {self.welcome.max_hz:g} Hz at most, not {frequency:g}"
                 )

@@ -123,20 +123,28 @@ class Node:
         )
 
     def _obey(self, command: int, sequence: int, payload: bytes, now_ms: int) -> int:
+        order = self._order(sequence)
         if command == STOP:
             self._release()  # always: a stop is never too old, and needs no greeting
-        if not self._greeted:
-            return OK if command == STOP else NOT_GREETED
-        ahead = (sequence - self._sequence) & 0xFFFF
-        if ahead == 0 or ahead > 0x7FFF:
-            return OK if command == STOP else REPEATED if ahead == 0 else OUT_OF_ORDER
-        self._lost = (self._lost + ahead - 1) & 0xFFFF
-        self._sequence = sequence
+            return OK
+        if order != OK:
+            return order
         if command == DRIVE:
             return self._drive(payload, now_ms)
-        if command == CLEAR:
-            return self._clear()
-        return OK if command == STOP else UNKNOWN_COMMAND
+        return self._clear() if command == CLEAR else UNKNOWN_COMMAND
+
+    def _order(self, sequence: int) -> int:
+        """Take a command's number; return ``OK`` if it is the command's turn."""
+        if not self._greeted:
+            return NOT_GREETED
+        ahead = (sequence - self._sequence) & 0xFFFF
+        if ahead == 0:
+            return REPEATED
+        if ahead > 0x7FFF:
+            return OUT_OF_ORDER
+        self._lost = (self._lost + ahead - 1) & 0xFFFF
+        self._sequence = sequence
+        return OK
 
     def _drive(self, payload: bytes, now_ms: int) -> int:
         motors = len(self.loops)
