@@ -1,0 +1,1 @@
+"""Campaigns of learning: the thesis' experiments, repeated until chance is ruled out, and what they show."""

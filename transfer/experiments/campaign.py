@@ -1,0 +1,108 @@
+"""A campaign: every method on every experiment, repeated; over processes or a cluster; interrupted and gone on with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+from dataclasses import dataclass, replace
+
+from controller.interface import UserError
+from controller.types import Source
+from transfer.experiments.store import Store
+from transfer.experiments.thesis import Pair
+from transfer.experiments.unit import Result, Settings, Unit, work
+from transfer.methods import METHODS
+
+REPLICATES = 3
+"""Runs of Plain-BO per repeat: one shared lucky run would bias every comparison of the repeat."""
+
+CHECKPOINTS = (5, 10, 20)
+"""Trials after which, beside the last, the true speed of the recommended gait is measured."""
+
+Progress = Callable[[Iterable["Future[Result]"], int], Iterable["Future[Result]"]]
+"""Wraps a stream of so many finished units, to show how far it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class PairUnits:
+    """All units of one repeat of an experiment.
+
+    Args:
+        pair: the experiment.
+        source: the run to learn from.
+        plain: the runs of Plain-BO on the target.
+        methods: the runs of the other methods on the target.
+    """
+
+    pair: Pair
+    source: Unit
+    plain: tuple[Unit, ...]
+    methods: dict[str, Unit]
+
+
+def transfer_methods() -> tuple[str, ...]:
+    """Return the names of all methods that are compared with Plain-BO."""
+    return tuple(name for name in METHODS if name != "plain")
+
+
+def checkpoints(trials: int) -> tuple[int, ...]:
+    """Return the checkpoints of a run of so many trials; the last is its end."""
+    return (*(after for after in CHECKPOINTS if after < trials), trials)
+
+
+def units_of(pair: Pair, settings: Settings, repeat: int, methods: Sequence[str]) -> PairUnits:
+    """Return the units of repeat ``repeat``, counted from 1.
+
+    Those that do not depend on the source are the same ones, by name, in every experiment with the same target.
+    """
+    trials = min(pair.trials, settings.most_trials or pair.trials)
+    source = Unit(pair.source, "plain", trials, repeat, role="source")
+    alone = Unit(pair.target, "plain", trials, repeat, role="target1", checkpoints=checkpoints(trials))
+
+    def by(method: str) -> Unit:
+        unit = replace(alone, method=method)
+        return replace(unit, source=source, inverted=pair.inverted) if METHODS[method].uses_sources else unit
+
+    return PairUnits(
+        pair,
+        source,
+        plain=tuple(replace(alone, role=f"target{replicate + 1}") for replicate in range(REPLICATES)),
+        methods={method: by(method) for method in methods},
+    )
+
+
+def run_campaign(
+    store: Store, pairs: Sequence[Pair], repeats: int, methods: Sequence[str], executor: Executor, progress: Progress
+) -> None:
+    """Do all units that are not done yet, and keep each as it is finished.
+
+    Raises:
+        UserError: a worker died.
+        RuntimeError: a unit failed.
+    """
+    all_units = [
+        units_of(pair, store.settings, repeat, methods) for repeat in range(1, repeats + 1) for pair in pairs
+    ]
+    sources = _missing(store, (units.source for units in all_units))
+    _do(store, sources, executor, progress)
+    targets = _missing(store, (unit for units in all_units for unit in (*units.plain, *units.methods.values())))
+    _do(store, targets, executor, progress)
+
+
+def _missing(store: Store, units: Iterable[Unit]) -> list[Unit]:
+    return [unit for name, unit in {unit.name: unit for unit in units}.items() if not store.has(unit)]
+
+
+def _do(store: Store, units: Sequence[Unit], executor: Executor, progress: Progress) -> None:
+    pending = {executor.submit(work, store.settings, unit, _source(store, unit)): unit for unit in units}
+    for finished in progress(as_completed(pending), len(pending)):
+        try:
+            store.save(pending[finished], finished.result())
+        except BrokenExecutor:
+            raise UserError("a worker died, perhaps for want of memory: go on with fewer --jobs") from None
+
+
+def _source(store: Store, unit: Unit) -> Source | None:
+    if unit.source is None:
+        return None
+    return store.load(unit.source).source(unit.source.condition.name, unit.inverted)

@@ -1,0 +1,198 @@
+"""From the results of a campaign to what it found: per experiment and method, against Plain-BO."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count, takewhile
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.streams import stream
+from transfer.experiments.campaign import PairUnits, transfer_methods, units_of
+from transfer.experiments.statistics import Comparison, compare, holm, trials_to_level
+from transfer.experiments.store import Store
+from transfer.experiments.thesis import Pair, pairs
+from transfer.experiments.unit import Result
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """One run or several (replicates) per repeat, all of a method.
+
+    Args:
+        true_m_s: (repeats, replicates, checkpoints) true mean speed of the recommended gait.
+        best_m_s: (repeats, replicates, trials) best observed score so far, as the thesis plots it.
+        covered: (repeats, replicates) whether the interval at the end holds the true mean speed.
+    """
+
+    true_m_s: Array
+    best_m_s: Array
+    covered: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, repeats: Sequence[Sequence[Result]]) -> Runs:
+        """Return the runs of all repeats."""
+        return cls(
+            np.array([[[truth.mean_m_s for truth in run.truths] for run in runs] for runs in repeats]),
+            np.array([[np.maximum.accumulate([step.score_m_s for step in run.steps]) for run in runs]
+                      for runs in repeats]),
+            np.array([[run.steps[-1].low_m_s <= run.truths[-1].mean_m_s <= run.steps[-1].high_m_s for run in runs]
+                      for runs in repeats]),
+        )  # fmt: skip
+
+    @property
+    def mean_true_m_s(self) -> Array:
+        """(checkpoints,)."""
+        return np.asarray(self.true_m_s.mean(axis=(0, 1)))
+
+
+@dataclass(frozen=True, slots=True)
+class MethodFindings:
+    """A method on an experiment.
+
+    Args:
+        runs: its runs.
+        against_plain: of the true speed, at each checkpoint.
+        p_holm: p of each of them, corrected for the number of methods.
+        best_against_plain: of the best observed score at the end: the thesis' measure.
+        trials_to_plain_level: see ``statistics.trials_to_level``; the level is Plain-BO's mean final best score.
+    """
+
+    runs: Runs
+    against_plain: tuple[Comparison, ...]
+    p_holm: tuple[float, ...]
+    best_against_plain: Comparison
+    trials_to_plain_level: float
+
+
+@dataclass(frozen=True, slots=True)
+class PairFindings:
+    """An experiment.
+
+    Args:
+        pair: which.
+        repeats: how many are complete.
+        checkpoints: in trials; the last is the end.
+        methods: by name; ``plain`` is the first.
+        source_runs, target_runs: the source's runs and Plain-BO's first ones on the target.
+    """
+
+    pair: Pair
+    repeats: int
+    checkpoints: tuple[int, ...]
+    methods: Mapping[str, MethodFindings]
+    source_runs: tuple[Result, ...]
+    target_runs: tuple[Result, ...]
+
+    @property
+    def plain(self) -> MethodFindings:
+        """Plain-BO."""
+        return self.methods["plain"]
+
+    def checkpoint_names(self) -> tuple[str, ...]:
+        """Return the checkpoints as the command line's JSON calls them; the last one is ``end``."""
+        return (*map(str, self.checkpoints[:-1]), "end")
+
+
+def findings(store: Store) -> tuple[PairFindings, ...]:
+    """Return what the campaign has found so far: every experiment of which a repeat is complete, in their order.
+
+    A repeat is complete when Plain-BO's runs and those of every method that has been begun are done.
+    """
+    found = (_pair_findings(store, pair) for pair in pairs(store.settings.robot))
+    return tuple(it for it in found if it is not None)
+
+
+def _pair_findings(store: Store, pair: Pair) -> PairFindings | None:
+    first = units_of(pair, store.settings, 1, transfer_methods())
+    methods = [name for name, unit in first.methods.items() if store.has(unit)]
+    complete = _complete_repeats(store, pair, methods)
+    if not complete:
+        return None
+    plain = [[store.load(unit) for unit in units.plain] for units in complete]
+    runs = {"plain": Runs.of(plain)} | {
+        name: Runs.of([[store.load(units.methods[name])] for units in complete]) for name in methods
+    }
+    return PairFindings(
+        pair,
+        len(complete),
+        complete[0].plain[0].checkpoints,
+        _compared(runs, stream(store.settings.seed, 0, f"statistics of {pair.key}")),
+        tuple(store.load(units.source) for units in complete),
+        tuple(replicates[0] for replicates in plain),
+    )
+
+
+def _complete_repeats(store: Store, pair: Pair, methods: Sequence[str]) -> list[PairUnits]:
+    def is_complete(units: PairUnits) -> bool:
+        return all(map(store.has, (units.source, *units.plain, *units.methods.values())))
+
+    return list(takewhile(is_complete, (units_of(pair, store.settings, repeat, methods) for repeat in count(1))))
+
+
+def _compared(runs: Mapping[str, Runs], random: np.random.Generator) -> dict[str, MethodFindings]:
+    plain = runs["plain"]
+    level = float(plain.best_m_s[:, :, -1].mean())
+    columns = range(plain.true_m_s.shape[2])
+    true = {
+        name: tuple(compare(_per_repeat(it.true_m_s[:, :, i]), plain.true_m_s[:, :, i], random) for i in columns)
+        for name, it in runs.items()
+    }
+    rivals = [name for name in runs if name != "plain"]
+    corrected = [dict(zip(rivals, holm([true[name][i].p for name in rivals]), strict=True)) for i in columns]
+    return {
+        name: MethodFindings(
+            it,
+            true[name],
+            tuple(of_methods.get(name, 1.0) for of_methods in corrected),
+            compare(_per_repeat(it.best_m_s[:, :, -1]), plain.best_m_s[:, :, -1], random),
+            trials_to_level(it.best_m_s.reshape(-1, it.best_m_s.shape[2]), level),
+        )
+        for name, it in runs.items()
+    }
+
+
+def _per_repeat(values: Array) -> Array:
+    return np.asarray(values.mean(axis=1))
+
+
+def as_json(found: Sequence[PairFindings]) -> dict[str, Any]:
+    """Return the findings as plain data, keyed by experiment; what never happened is None."""
+    return {
+        it.pair.key: {
+            "methods": {name: _method_json(it, method) for name, method in it.methods.items()},
+            "repeats": it.repeats,
+        }
+        for it in found
+    }
+
+
+def _method_json(pair: PairFindings, found: MethodFindings) -> dict[str, Any]:
+    names, end = pair.checkpoint_names(), found.against_plain[-1]
+    return {
+        "true_m_s": dict(zip(names, found.runs.mean_true_m_s.tolist(), strict=True)),
+        "final_best_m_s": float(found.runs.best_m_s[:, :, -1].mean()),
+        "gain_over_plain_percent": end.gain_percent,
+        "trials_to_plain_level": int(found.trials_to_plain_level)
+        if math.isfinite(found.trials_to_plain_level)
+        else None,
+        "p": found.p_holm[-1],
+        "effect": end.effect,
+        "interval_coverage_percent": 100.0 * float(found.runs.covered.mean()),
+        "against_plain": {
+            name: {
+                "gain_percent": it.gain_percent,
+                "interval_percent": [it.interval_percent.low, it.interval_percent.high],
+                "p": p,
+                "effect": it.effect,
+                "chance_plain_shows_as_much": it.chance,
+            }
+            for name, it, p in zip(names, found.against_plain, found.p_holm, strict=True)
+        },
+    }

@@ -1,0 +1,139 @@
+"""What repeats with paired seeds tell: pure functions on arrays of one value per repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+RESAMPLES = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A central 95 % interval."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A method against Plain-BO.
+
+    Args:
+        gain_percent: by how much the method's mean exceeds Plain-BO's.
+        interval_percent: of the gain, by bootstrap over repeats.
+        p: of the paired Wilcoxon test, not corrected for the number of methods.
+        effect: the matched-pairs rank-biserial correlation, see ``rank_biserial``.
+        chance: that Plain-BO against itself shows as much, see ``chance_of_as_much``; 1 for no gain either way.
+    """
+
+    gain_percent: float
+    interval_percent: Interval
+    p: float
+    effect: float
+    chance: float
+
+
+def compare(method: Array, plain: Array, random: np.random.Generator) -> Comparison:
+    """Compare a method's values (repeats,) with those of Plain-BO's replicates (repeats, replicates) of the repeats."""
+    baseline = plain.mean(axis=1)
+    gain = gain_percent(method, baseline)
+    return Comparison(
+        gain,
+        gain_interval(method, baseline, random),
+        wilcoxon_p(method - baseline),
+        rank_biserial(method - baseline),
+        chance_of_as_much(gain, plain, random),
+    )
+
+
+def gain_percent(method: Array, baseline: Array) -> float:
+    """Return by how many percent the mean of the one exceeds the mean of the other."""
+    return 100.0 * float(method.mean() / baseline.mean() - 1.0)
+
+
+def gain_interval(method: Array, baseline: Array, random: np.random.Generator) -> Interval:
+    """Return the interval of the gain in percent: percentiles over resampled repeats, pairs kept together."""
+    picks = random.integers(len(method), size=(RESAMPLES, len(method)))
+    gains = 100.0 * (method[picks].mean(axis=1) / baseline[picks].mean(axis=1) - 1.0)
+    low, high = np.percentile(gains, [2.5, 97.5])
+    return Interval(float(low), float(high))
+
+
+def wilcoxon_p(differences: Array) -> float:
+    """Return the two-sided p of Wilcoxon's signed-rank test; 1 where there is no difference to rank."""
+    from scipy.stats import wilcoxon
+
+    ranked = differences[differences != 0.0]
+    return float(wilcoxon(ranked).pvalue) if len(ranked) else 1.0
+
+
+def rank_biserial(differences: Array) -> float:
+    """Return the share of ranks in favour minus the share against, from -1 to 1.
+
+    The effect size that belongs to Wilcoxon's test: D. S. Kerby, "The simple difference formula", Comprehensive
+    Psychology 3 (2014).
+    """
+    from scipy.stats import rankdata
+
+    ranked = differences[differences != 0.0]
+    if not len(ranked):
+        return 0.0
+    ranks = rankdata(np.abs(ranked))
+    return float(np.sum(np.sign(ranked) * ranks) / np.sum(ranks))
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Return the p-values corrected for their number: S. Holm, Scandinavian Journal of Statistics 6 (1979)."""
+    corrected = [0.0] * len(p_values)
+    worst = 0.0
+    for rank, index in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
+        worst = max(worst, min(1.0, (len(p_values) - rank) * p_values[index]))
+        corrected[index] = worst
+    return corrected
+
+
+def chance_of_as_much(gain: float, plain: Array, random: np.random.Generator) -> float:
+    """Return how often Plain-BO against itself shows a gain at least as great as ``gain``, in the same direction.
+
+    In each repeat one of the replicates, drawn at random, plays the method, and the mean of the others is the baseline.
+    That scatters a little more than a method against all replicates, so the chance is somewhat overestimated.
+
+    Args:
+        gain: in percent.
+        plain: (repeats, replicates), at least two replicates.
+        random: draws the players.
+    """
+    repeats, replicates = plain.shape
+    players = random.integers(replicates, size=(RESAMPLES, repeats))
+    played = plain[np.arange(repeats), players]
+    baseline = (plain.sum(axis=1) - played) / (replicates - 1)
+    gains = 100.0 * (played.mean(axis=1) / baseline.mean(axis=1) - 1.0)
+    return float(np.mean(gains >= gain if gain > 0.0 else gains <= gain)) if gain else 1.0
+
+
+def mean_interval(values: Array) -> tuple[Array, Array]:
+    """Return the 95 % interval (low, high) of the mean over the first axis, by Student's t; NaN for one repeat."""
+    from scipy.stats import t
+
+    if len(values) < 2:
+        return np.full(values.shape[1:], np.nan), np.full(values.shape[1:], np.nan)
+    half = t.ppf(0.975, len(values) - 1) * values.std(axis=0, ddof=1) / np.sqrt(len(values))
+    return values.mean(axis=0) - half, values.mean(axis=0) + half
+
+
+def trials_to_level(best_so_far: Array, level: float) -> float:
+    """Return the median over runs (runs, trials) of the first trial at which the best so far reaches ``level``.
+
+    Infinite where half of the runs never do.
+    """
+    reached = best_so_far >= level
+    first = np.where(reached.any(axis=1), reached.argmax(axis=1) + 1.0, np.inf)
+    # The lower of the two middle ones: infinity has no mean with a number.
+    return float(np.sort(first)[(len(first) - 1) // 2])

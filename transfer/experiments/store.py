@@ -1,0 +1,91 @@
+"""A campaign on disk: its settings in `campaign.toml`, and below `runs/` one file of JSON lines per unit of work.
+
+A file appears at once and complete, so whatever interrupts a campaign leaves whole units, and the rest can be made
+later.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from pathlib import Path
+
+import msgspec
+import tomli_w
+
+from controller.interface import UserError
+from transfer.experiments.unit import Result, Settings, Step, Truth, Unit
+
+_ENCODER = msgspec.json.Encoder()
+_DECODER = msgspec.json.Decoder(Step | Truth)
+
+
+class Store:
+    """The results of one campaign."""
+
+    def __init__(self, folder: Path, settings: Settings) -> None:
+        self.folder = folder
+        self.settings = settings
+
+    @classmethod
+    def open(cls, folder: Path) -> Store:
+        """Open the campaign in ``folder``. Raises UserError where there is none, or it cannot be read."""
+        path = folder / "campaign.toml"
+        try:
+            return cls(folder, msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), Settings))
+        except FileNotFoundError:
+            raise UserError(f"{folder} is no campaign: name the --out of vvvaltr experiment") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
+            raise UserError(f"{path}: {error}; restore the file as the campaign wrote it") from None
+
+    @classmethod
+    def begin(cls, folder: Path, settings: Settings) -> Store:
+        """Open the campaign in ``folder`` to go on with it, or begin it there.
+
+        Raises:
+            UserError: there is another campaign, or something else.
+            OSError: the folder cannot be written.
+        """
+        if (folder / "campaign.toml").exists():
+            store = cls.open(folder)
+            for key in Settings.__struct_fields__:
+                has, asked = getattr(store.settings, key), getattr(settings, key)
+                if has != asked:
+                    raise UserError(
+                        f"{key}: the campaign in {folder} has {has}, but {asked} was asked for; choose another --out"
+                    )
+            return store
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise UserError(f"{folder} exists and is no campaign: choose another --out")
+        folder.mkdir(parents=True, exist_ok=True)
+        _write(folder / "campaign.toml", tomli_w.dumps(msgspec.to_builtins(settings)).encode())
+        return cls(folder, settings)
+
+    def has(self, unit: Unit) -> bool:
+        """Return whether the unit is done."""
+        return self._path(unit).exists()
+
+    def save(self, unit: Unit, result: Result) -> None:
+        """Keep what a unit found."""
+        path = self._path(unit)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _write(path, _ENCODER.encode_lines([*result.steps, *result.truths]))
+
+    def load(self, unit: Unit) -> Result:
+        """Return what a unit that is done found. Raises UserError where its file is not as it was written."""
+        path = self._path(unit)
+        try:
+            lines = _DECODER.decode_lines(path.read_bytes())
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            raise UserError(f"{path}: {error}; delete the file, and the campaign will make it again") from None
+        steps = tuple(line for line in lines if isinstance(line, Step))
+        return Result(steps, tuple(line for line in lines if isinstance(line, Truth)))
+
+    def _path(self, unit: Unit) -> Path:
+        return self.folder / "runs" / f"{unit.name}.jsonl"
+
+
+def _write(path: Path, content: bytes) -> None:
+    fresh = path.with_name(path.name + ".new")
+    fresh.write_bytes(content)
+    os.replace(fresh, path)

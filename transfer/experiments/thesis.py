@@ -1,0 +1,125 @@
+"""The experiments as data: from which source S to which target T, for how many trials, and what the thesis found.
+
+"Transfer Learning for Faster Discovery of Tensegrity Robot Gaits", Union College, 2018, chapter 7. Its engine's gravity
+of -0.1 and -0.5 stands for 1.96 and 9.81 m/s2: five times as much.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twin.world import Hills, World
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A robot somewhere.
+
+    Args:
+        name: short, without spaces; also names files.
+        title: in words.
+        body: the twin's body.
+        world: gravity, friction, ground.
+        damage: as ``twin.body.damaged`` takes it.
+    """
+
+    name: str
+    title: str
+    body: str
+    world: World
+    damage: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """What the thesis reports of Efficient-BO against Plain-BO: best observed speed, trials to converge, p."""
+
+    gain_percent: float
+    trials: int
+    plain_trials: int
+    p: str
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """One experiment: learn on the source, then on the target.
+
+    Args:
+        key: what the command line calls it.
+        title: in words.
+        source, target: the two conditions.
+        trials: of the source run and of each run on the target.
+        why: what it is for, in a sentence.
+        inverted: whether the source's scores are turned upside down: the worst source there can be.
+        published: the thesis' own figures, where the experiment is one of its three.
+    """
+
+    key: str
+    title: str
+    source: Condition
+    target: Condition
+    trials: int
+    why: str
+    inverted: bool = False
+    published: Published | None = None
+
+
+BODIES = {"planar": ("prism3", "icosahedron6"), "spatial": ("icosahedron6", "prism3")}
+"""Each twin's body, and the other one, which is the unrelated source."""
+
+HILLS = {"planar": Hills(0.004, 0.2), "spatial": Hills(0.02, 0.3)}
+"""Ground on which each twin's robot is disturbed and still moves on."""
+
+DAMAGE = {"planar": ("lighten:2:0.5", "snap:3,7"), "spatial": ("lighten:2:0.5", "snap:3,17")}
+"""One lighter strut and two snapped springs."""
+
+GROUPS = {
+    "1": ("1", "1b"),
+    "2": ("2", "2-friction"),
+    "3": ("3",),
+    "controls": ("unrelated", "inverted"),
+    "all": ("1", "1b", "2", "2-friction", "3", "unrelated", "inverted"),
+}
+"""What may be asked for, each with its pairs."""
+
+
+def pairs(robot: str) -> tuple[Pair, ...]:
+    """Return every experiment on a twin, ``planar`` or ``spatial``."""
+    body, other_body = BODIES[robot]
+    moon = Condition("low-gravity", "a fifth of gravity, friction 0.5", body, World(1.96, 0.5))
+    lighter = Condition("less-gravity", "two thirds of gravity, friction 0.5", body, World(6.54, 0.5))
+    plain = Condition("plain", "plain ground, friction 0.5", body, World(9.81, 0.5))
+    other = Condition("other-body", f"another body ({other_body}), friction 0.5", other_body, World(9.81, 0.5))
+    rough = Condition("rough", "full gravity, friction 0.75", body, World(9.81, 0.75))
+    hilly = Condition("hills", "hills, friction 0.75", body, World(9.81, 0.75, HILLS[robot]))
+    damaged = Condition("damaged", "one lighter strut, two snapped springs", body, World(9.81, 0.5), DAMAGE[robot])
+    return (
+        Pair("1", "gravity times five, more friction", moon, rough, 40, "The thesis' first experiment.",
+             published=Published(11.3, 17, 34, "< 0.05")),
+        Pair("1b", "gravity times one and a half, more friction", lighter, rough, 40,
+             "The like case of experiment 1: source and target share their good gaits."),
+        Pair("2", "plain ground to hills, more friction", plain, hilly, 50, "The thesis' second experiment.",
+             published=Published(12.1, 30, 43, "< 0.01")),
+        Pair("2-friction", "more friction, no hills", plain, rough, 50,
+             "The control of experiment 2: how much of it is friction alone."),
+        Pair("3", "intact to damaged", plain, damaged, 40, "The thesis' third experiment.",
+             published=Published(4.31, 31, 35, "> 0.05")),
+        Pair("unrelated", "a source of another body", other, rough, 40,
+             "A control: there is next to nothing to transfer, and it should not hurt."),
+        Pair("inverted", "a source turned upside down", lighter, rough, 40,
+             "A control: the source of 1b calls its best gaits the worst, and it should not hurt.", inverted=True),
+    )  # fmt: skip
+
+
+def pairs_named(robot: str, asked: str) -> tuple[Pair, ...]:
+    """Return the experiments of a group, or the one, called ``asked``.
+
+    Raises:
+        ValueError: there is none of this name.
+    """
+    known = {pair.key: pair for pair in pairs(robot)}
+    keys = GROUPS.get(asked) or ((asked,) if asked in known else ())
+    if not keys:
+        names = ", ".join(dict.fromkeys((*GROUPS, *known)))
+        raise ValueError(f"there is no experiment {asked!r}: say {names}")
+    return tuple(known[key] for key in keys)

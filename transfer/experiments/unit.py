@@ -1,0 +1,177 @@
+"""A unit of work: one run of learning in one condition, and the true speeds of what it recommended on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import cache
+from statistics import fmean
+
+import msgspec
+
+import twin.robot
+from controller.learn import Budget, learn
+from controller.recording import LoggedTrial
+from controller.safety import GuardedRobot, Limits
+from controller.scoring import score
+from controller.streams import stream
+from controller.trial_runner import TrialCrashed, TrialSettings, run_trial
+from controller.types import Gait, GaitSpace, Source
+from transfer.experiments.thesis import Condition
+from transfer.methods import make_optimizer
+from twin.robot import TwinRobot
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What all units of a campaign have in common; another value is another campaign.
+
+    Args:
+        robot: ``planar`` or ``spatial``.
+        signed: whether motors may also turn backwards: from minus the twin's highest frequency to plus it, instead of
+            between its lowest and its highest.
+        seed: of everything.
+        duration_s: of a trial.
+        starts: fresh starts over which a recommended gait's true speed is the mean.
+        most_trials: the experiments' budgets are cut to this; 0 for what they are.
+    """
+
+    robot: str = "planar"
+    signed: bool = False
+    seed: int = 0
+    duration_s: float = 5.0
+    starts: int = 20
+    most_trials: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """One run.
+
+    Args:
+        condition: where.
+        method: by which method.
+        trials: how many.
+        repeat: of the experiment, counted from 1; all its units differ in the seed from those of other repeats.
+        role: what the run is in its repeat; its seed derives from it, so that runs of one role are paired.
+        checkpoints: after which trials the true speed of the recommended gait is measured.
+        source: the run to learn from.
+        inverted: whether the source's scores are turned upside down.
+    """
+
+    condition: Condition
+    method: str
+    trials: int
+    repeat: int
+    role: str
+    checkpoints: tuple[int, ...] = ()
+    source: Unit | None = None
+    inverted: bool = False
+
+    @property
+    def name(self) -> str:
+        """Unique within a campaign; also the path of its file."""
+        origin = f"-from-{self.source.condition.name}{'-inverted' * self.inverted}" if self.source else ""
+        return f"{self.condition.name}-{self.trials}/{self.method}{origin}/{self.repeat:03}-{self.role}"
+
+
+class Step(msgspec.Struct, frozen=True, tag="trial", tag_field="kind"):
+    """A valid trial, and what was recommended after it with its 95 % interval."""
+
+    gait_hz: tuple[float, ...]
+    score_m_s: float
+    recommended_hz: tuple[float, ...]
+    mean_m_s: float
+    low_m_s: float
+    high_m_s: float
+
+
+class Truth(msgspec.Struct, frozen=True, tag="true", tag_field="kind"):
+    """Speeds of the gait recommended after trial ``after``, each from a fresh start."""
+
+    after: int
+    speeds_m_s: tuple[float, ...]
+
+    @property
+    def mean_m_s(self) -> float:
+        """The true mean speed, as well as so many starts tell it."""
+        return fmean(self.speeds_m_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What a unit found: its valid trials in order, and the true speeds at its checkpoints."""
+
+    steps: tuple[Step, ...]
+    truths: tuple[Truth, ...]
+
+    def source(self, name: str, inverted: bool) -> Source:
+        """Return the run as a source; ``inverted`` mirrors its scores between the lowest and the highest."""
+        scores = [step.score_m_s for step in self.steps]
+        if inverted:
+            scores = [min(scores) + max(scores) - score for score in scores]
+        return Source(name, tuple(Gait(step.gait_hz) for step in self.steps), tuple(scores))
+
+
+def work(settings: Settings, unit: Unit, source: Source | None) -> Result:
+    """Do a unit of work. The same unit gives the same result, wherever it is done.
+
+    Raises:
+        ValueError: the method cannot use the source.
+        RuntimeError: the program failed during a trial, or the twin broke down in all starts of a gait.
+    """
+    try:
+        steps = _learned(settings, unit, source)
+        return Result(steps, _truths(settings, unit, steps))
+    except TrialCrashed as crash:  # which cannot travel between processes
+        raise RuntimeError(f"{unit.name}: {crash}") from crash.__cause__
+
+
+def opened(settings: Settings, condition: Condition, seed: int) -> tuple[GuardedRobot, GaitSpace]:
+    """Return the robot in its condition, and the gaits to search."""
+    make_robot: Callable[..., TwinRobot] = getattr(twin.robot, f"{settings.robot}_robot")
+    robot = make_robot(condition.body, condition.world, condition.damage, seed=seed)
+    low_hz, high_hz = robot.range_hz
+    space = GaitSpace.over(robot.motors.motor_count, -high_hz if settings.signed else low_hz, high_hz)
+    return GuardedRobot(robot, Limits(robot.max_hz)), space
+
+
+def _learned(settings: Settings, unit: Unit, source: Source | None) -> tuple[Step, ...]:
+    seed = _seed(settings, unit.repeat, unit.role)
+    robot, space = opened(settings, unit.condition, seed)
+    optimizer = make_optimizer(unit.method, space, seed, [source] if source else [])
+    trial_settings = TrialSettings(settings.duration_s)
+    trials: list[LoggedTrial] = []
+    with closing(robot):
+        for _ in learn(robot, optimizer, trial_settings, Budget(unit.trials), trials.append):
+            pass
+    return tuple(_step(logged) for logged in trials if logged.score is not None)
+
+
+def _step(logged: LoggedTrial) -> Step:
+    assert logged.score is not None and logged.recommendation is not None  # a valid trial has both
+    best, belief = logged.recommendation.gait, logged.recommendation.estimate
+    gait_hz = logged.trial.gait.frequency_hz
+    return Step(gait_hz, logged.score, best.frequency_hz, belief.mean, belief.low, belief.high)
+
+
+def _truths(settings: Settings, unit: Unit, steps: Sequence[Step]) -> tuple[Truth, ...]:
+    """Return the true speeds at the checkpoints. All methods of a repeat are given the same starts."""
+    robot, _ = opened(settings, unit.condition, _seed(settings, unit.repeat, "true speed"))
+
+    @cache  # the recommendation need not have changed since the last checkpoint
+    def speeds_m_s(gait_hz: tuple[float, ...]) -> tuple[float, ...]:
+        trial_settings = TrialSettings(settings.duration_s)
+        starts = (run_trial(robot, Gait(gait_hz), trial_settings, start + 1) for start in range(settings.starts))
+        return tuple(score(trial) for trial in starts if trial.outcome.is_valid)
+
+    with closing(robot):
+        truths = tuple(Truth(after, speeds_m_s(steps[after - 1].recommended_hz)) for after in unit.checkpoints)
+    for truth in truths:
+        if not truth.speeds_m_s:
+            raise RuntimeError(f"{unit.name}: no start of the gait recommended after trial {truth.after} was valid")
+    return truths
+
+
+def _seed(settings: Settings, repeat: int, role: str) -> int:
+    return int(stream(settings.seed, repeat, role).integers(2**31))

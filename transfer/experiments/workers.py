@@ -1,0 +1,63 @@
+"""Where units of work are done: over processes of this computer, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+
+from controller.interface import UserError
+
+
+@contextmanager
+def processes(jobs: int) -> Iterator[Executor]:
+    """Yield ``jobs`` processes of this computer; what they are doing when the block is left is given up."""
+    # Not forked: a fork would copy locks and threads of this process as they are.
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=_prepare) as executor:
+        try:
+            yield executor
+        except BaseException:
+            executor.shutdown(wait=False, cancel_futures=True)
+            for child in multiprocessing.active_children():
+                child.terminate()
+            raise
+
+
+def _prepare() -> None:
+    # Ctrl-C reaches all processes of a terminal; the first one decides what becomes of the others.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A library's own threads would take the cores from the other processes, and change the last digit of a sum.
+    os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """Yield the workers of the Dask cluster whose scheduler is at ``address``; they need vvvaltr installed.
+
+    Raises:
+        UserError: Dask is not installed, or no scheduler answers.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise UserError('a cluster needs Dask: pip install "vvvaltr[cluster]"') from None
+    try:
+        client = Client(address, timeout=10)
+    except (OSError, ValueError) as error:
+        raise UserError(
+            f"--scheduler {address}: no Dask scheduler answers ({error}); start one by: dask scheduler"
+        ) from None
+    with client, client.get_executor(pure=False) as executor:
+        yield executor
