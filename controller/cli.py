@@ -14,7 +14,8 @@ from controller.commands.answer import Answer, Command
 from controller.interface import DeviceError, TrackingLost, UserError
 from controller.signals import interrupt_on_signals
 
-COMMANDS = ("learn", "run", "landscape", "view", "mock")
+COMMANDS = ("learn", "run", "landscape", "view", "mock", "experiment")
+MODULES = {"import": "import_trials"}  # a module cannot be called by a keyword
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,7 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name in COMMANDS:
-        command: Command = importlib.import_module(f"controller.commands.{name}").COMMAND
+        command: Command = importlib.import_module(f"controller.commands.{MODULES.get(name, name)}").COMMAND
         command_parser = commands.add_parser(
             name,
             help=command.help,
