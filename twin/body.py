@@ -227,14 +227,16 @@ def snap(body: Body, springs: Iterable[int]) -> Body:
 
 
 def lighten(body: Body, strut: int, factor: float) -> Body:
-    """Return the body with a strut of ``factor`` times its mass (0 < factor <= 1); its motor keeps its own mass.
+    """Return the body with a strut of ``factor`` times its mass (0.2 to 1); its motor keeps its own mass.
+
+    A strut that is lighter still would swing on its springs too fast for the twins' time steps.
 
     Raises:
         ValueError: the body has no such strut, or the factor is out of range.
     """
     _checked("strut", strut, len(body.struts))
-    if not 0.0 < factor <= 1.0:
-        raise ValueError(f"the factor {factor:g} is not above 0 and at most 1")
+    if not 0.2 <= factor <= 1.0:
+        raise ValueError(f"the factor is {factor:g}, allowed is 0.2 to 1")
     lighter = replace(body.struts[strut], mass_kg=factor * body.struts[strut].mass_kg)
     return replace(body, struts=(*body.struts[:strut], lighter, *body.struts[strut + 1 :]))
 

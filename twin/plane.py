@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.body import Body, Shape, Spring
+from twin.engine import Diverged
 from twin.stepper import Stepper
 from twin.world import World
 
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 
 ITERATIONS = 10
 SLOP_M = 1e-4  # depth to which things may sink into each other; pymunk's own 0.1 is meant for pixels
+MOST_J = 20.0  # of motion: the whole robot at 22 m/s; strong gaits reach some thousandths
 GROUND_M = 0.02  # thickness of the ground
 
 
@@ -101,7 +103,7 @@ class Plane:
     Args:
         body, world: what is in it.
         posture: where the struts begin.
-        time_step_s: of ``stepper``, which pushes the struts that carry motors.
+        time_step_s: of the integration.
     """
 
     def __init__(self, body: Body, world: World, posture: Posture, time_step_s: float) -> None:
@@ -119,8 +121,8 @@ class Plane:
         for spring, rest_m in zip(body.springs, layout.rests_m.tolist(), strict=True):
             self._add_spring(spring, rest_m, body.tension_only)
         self._stretches: set[int] = set()
-        self.lay_ground()
-        self.stepper = Stepper(self.space, [self.struts[motor.strut] for motor in body.motors], time_step_s)
+        self._lay_ground()
+        self._stepper = Stepper(self.space, [self.struts[motor.strut] for motor in body.motors], time_step_s)
 
     def posture(self) -> Posture:
         """Return where the struts are now."""
@@ -134,16 +136,24 @@ class Plane:
         """Return the mean of the struts' angles now."""
         return sum(strut.angle for strut in self.struts) / len(self.struts)
 
-    def kinetic_j(self) -> float:
-        """Return the kinetic energy of all struts."""
-        return sum(strut.kinetic_energy for strut in self.struts) / 2.0  # pymunk leaves out the half
+    def run(self, forces_n: NDArray[np.complex128]) -> None:
+        """Make a step for each row of the motors' forces, shape (steps, motors); see ``Stepper.run``.
 
-    def lay_ground(self) -> None:
-        """Lay the ground that is missing around the robot; to be called before it has moved a few centimetres."""
+        Raises:
+            Diverged: there is more motion than anything could have caused, or none that is a number.
+        """
+        self._stepper.run(forces_n)
+        kinetic_j = sum(strut.kinetic_energy for strut in self.struts) / 2.0  # pymunk leaves out the half
+        if not kinetic_j < MOST_J:
+            raise Diverged(f"the planar twin broke down: its struts move with {kinetic_j:.3g} J")
+        self._lay_ground()
+
+    def _lay_ground(self) -> None:
+        """Lay the ground that is missing around the robot: enough for the steps that are made at once."""
         from pymunk import Segment
 
         stretch = round(self.struts[0].position.x / self._stretch_m())
-        for number in {stretch - 1, stretch, stretch + 1} - self._stretches:
+        for number in sorted({stretch - 1, stretch, stretch + 1} - self._stretches):
             self._stretches.add(number)
             knots = [tuple(knot) for knot in self._knots(number).tolist()]
             for before, here, there, after in zip(knots, knots[1:], knots[2:], knots[3:], strict=False):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.streams import stream
 from controller.types import Gait, MotorState, Pose, Quantity, Structure
-from twin.body import body_named, damaged
+from twin.body import ForceLaw, Parts, body_named, damaged
 from twin.engine import Engine, Start
 from twin.planar import LAWS, PLANAR_PARTS, PlanarEngine
 from twin.world import PLAIN, World, terrain_grid
@@ -47,6 +47,9 @@ class Scatter:
     def start(self, random: np.random.Generator) -> Start:
         """Return how the robot is put down."""
         return Start(*(random.normal(0.0, [self.place_m, self.place_m, self.heading_rad, self.tilt_rad]).tolist()))
+
+
+SPATIAL_SCATTER = Scatter(frequency=0.05)
 
 
 class TwinRobot:
@@ -205,10 +208,34 @@ def planar_robot(
 
     Raises:
         ValueError: an unknown body or law, or impossible damage; one line.
+        Diverged: the body cannot even be put down.
     """
-    if law not in LAWS:
-        raise ValueError(f"no force law is called {law!r}; there are {', '.join(LAWS)}")
-    force, range_hz = LAWS[law]
-    parts = replace(PLANAR_PARTS, law=force, max_hz=range_hz[1])
+    parts, range_hz = _with_law(PLANAR_PARTS, LAWS, law)
     engine = PlanarEngine(damaged(body_named(body, parts), damage), world, time_step_s)
     return TwinRobot(engine, range_hz, seed, scatter)
+
+
+def spatial_robot(
+    body: str = "icosahedron6",
+    world: World = PLAIN,
+    damage: Sequence[str] = (),
+    law: str = "eccentric",
+    seed: int = 0,
+    scatter: Scatter = SPATIAL_SCATTER,
+    time_step_s: float = 0.0,
+) -> TwinRobot:
+    """Return a robot on the spatial twin; see ``planar_robot``. Raises ValueError also where MuJoCo is missing."""
+    from twin import spatial
+
+    parts, range_hz = _with_law(spatial.SPATIAL_PARTS, spatial.LAWS, law)
+    engine = spatial.SpatialEngine(damaged(body_named(body, parts), damage), world, time_step_s)
+    return TwinRobot(engine, range_hz, seed, scatter)
+
+
+def _with_law(
+    parts: Parts, laws: Mapping[str, tuple[ForceLaw, tuple[float, float]]], law: str
+) -> tuple[Parts, tuple[float, float]]:
+    if law not in laws:
+        raise ValueError(f"no force law is called {law!r}; there are {', '.join(laws)}")
+    force, range_hz = laws[law]
+    return replace(parts, law=force, max_hz=range_hz[1]), range_hz
