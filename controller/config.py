@@ -113,7 +113,7 @@ class TrialTable(_Table, frozen=True, kw_only=True):
     duration_s: Positive = 5.0
     settle_s: NotNegative = 0.3
     ramp_s: NotNegative = 0.2
-    period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.05
+    period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.04
     hold_s: Annotated[float, Meta(gt=0, le=1)] = 0.25
     heading_limit_rad: Positive = 1.0
 

@@ -108,7 +108,7 @@ class HeldMotors:
     """
 
     def __init__(
-        self, open_line: Callable[[], MotorLine], stale_s: float = 0.3, ramp_hz_s: Sequence[float] = ()
+        self, open_line: Callable[[], MotorLine], stale_s: float = 0.4, ramp_hz_s: Sequence[float] = ()
     ) -> None:
         self._open_line = open_line
         self._stale_s = stale_s
@@ -151,7 +151,7 @@ class HeldMotors:
     def state(self) -> MotorState:
         """Return what the device applies. Raises DeviceError for a fault, a lost line, or a device gone quiet."""
         self._raise_problem()
-        self._check_heard()
+        self._check_heard(time.monotonic())
         return self._line.state()
 
     def stop(self) -> None:
@@ -217,8 +217,10 @@ class HeldMotors:
             deadline_s = max(deadline_s + self._line.period_s, time.monotonic())
             try:
                 self._tell()
+                # The device is judged by what had come before the line was read: this thread may be held up itself.
+                listening_s = time.monotonic()
                 self._line.listen(deadline_s)
-                self._check_heard()
+                self._check_heard(listening_s)
             except LinkLost as error:
                 self._problem = error
                 return
@@ -247,8 +249,8 @@ class HeldMotors:
             self._problem = self._problem or problem
             self._rest()
 
-    def _check_heard(self) -> None:
-        silence_s = time.monotonic() - self._line.heard_s
+    def _check_heard(self, now_s: float) -> None:
+        silence_s = now_s - self._line.heard_s
         if silence_s > self._stale_s:
             raise DeviceTimeout(f"{self._line.name}: the device has said nothing for {silence_s:.2f} s")
 

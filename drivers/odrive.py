@@ -276,14 +276,13 @@ class OdriveLine:
         """Find all axes and make them ready. Raises as ``open_line`` does."""
         self._wait(lambda axis: axis.heartbeat_s > 0.0, "no heartbeat comes from", "check power, wiring, node and rate")
         self._tell(Message.SET_STATE, AxisState.IDLE)
-        self._tell(Message.CLEAR_ERRORS, 0)
         self._tell(Message.SET_MODES, _VELOCITY_CONTROL, _PASS_THROUGH)
         for axis in self._axes.values():
             if axis.motor.max_a is not None:
                 self._link.send(encode(axis.motor.node, Message.SET_LIMITS, axis.motor.max_hz, axis.motor.max_a))
-        cleared_s = time.monotonic()
+        begun_s = time.monotonic()
         self._wait(
-            lambda axis: axis.heartbeat_s > cleared_s and axis.state == AxisState.IDLE and not axis.error,
+            lambda axis: axis.heartbeat_s > begun_s and axis.state == AxisState.IDLE and not axis.error,
             "no readiness is reported by",
             "see its errors with the maker's tool",
         )
@@ -297,7 +296,9 @@ class OdriveLine:
                 if axis.error:
                     raise self._fault(axis)
                 raise DeviceTimeout(f"{self.name}: {complaint} axis {axis.motor.node}; {cure}")
-            self._tell(Message.SET_VELOCITY, 0.0, 0.0)  # their watchdogs may be running
+            # The axes' watchdogs may be running, and have run out already.
+            self._tell(Message.SET_VELOCITY, 0.0, 0.0)
+            self._tell(Message.CLEAR_ERRORS, 0)
             for frame in self._link.frames(time.monotonic() + self.period_s):
                 self._take(frame)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import StrEnum
 
 import msgspec
@@ -20,6 +19,7 @@ class Kind(StrEnum):
     UNPLUG = "unplug"  # the line is gone for a while
     ERROR = "error"  # the device sees an error, on the line or of its own
     SILENCE = "silence"  # no heartbeats and no telemetry, while commands are obeyed
+    BLIND = "blind"  # the tracker does not see the robot
 
 
 REPLY_KINDS = frozenset({Kind.DROP, Kind.CORRUPT, Kind.DELAY, Kind.DUPLICATE})
@@ -35,7 +35,7 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         after_motion_s: begin so many seconds after a motor first turned.
         at_reply: begin with the so many-th message of the device, counted from 1.
         every_s: begin again so many seconds after each beginning; None for once.
-        duration_s: how long it lasts (stall, brown-out, unplugging, error, silence).
+        duration_s: how long it lasts (stall, brown-out, unplugging, error, silence, blindness).
         replies: how many messages it befalls (drop, corrupt, delay, duplicate).
         delay_s: by how much messages are late.
         motor: the motor, counted from 1 (stall, error).
@@ -75,12 +75,12 @@ class FaultScript(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Schedule:
-    """Says which faults begin and end. Times are in seconds on one monotonic clock."""
+    """Says which faults begin and end. Times are in seconds on one clock; the device started at ``start_s``."""
 
-    def __init__(self, faults: Sequence[Fault], start_s: float) -> None:
+    def __init__(self, start_s: float) -> None:
         self._start_s = start_s
         self._motion_s: float | None = None
-        self._waiting = list(faults)
+        self._waiting: list[Fault] = []
         self._timed: list[tuple[float, Fault]] = []
         self._lasting: list[tuple[float, Fault]] = []
 

@@ -27,6 +27,7 @@ class Motion:
         self._sender = sender
         self._now_s = -math.inf
         self._next_pose_s = -math.inf
+        self.is_blind = False
 
     def advance(self, applied_hz: Sequence[float], now_s: float) -> None:
         """Let the robot move until ``now_s``, as ``time.monotonic()`` counts, and send its pose when that is due."""
@@ -39,7 +40,10 @@ class Motion:
             self._twin.place(0)  # the physics broke down, and somebody picks the robot up
         if now_s >= self._next_pose_s:
             self._next_pose_s = max(self._next_pose_s + _POSE_PERIOD_S, now_s)
-            self._sender.send(replace(self._twin.tracker.pose(), t_s=now_s))
+            if self.is_blind:
+                self._sender.send_lost(now_s)
+            else:
+                self._sender.send(replace(self._twin.tracker.pose(), t_s=now_s))
 
     def close(self) -> None:
         """Let go of robot and socket."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import os
 import random
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from drivers.mock.device import Device
 from drivers.mock.faults import DEVICE_KINDS, REPLY_KINDS, Fault, Kind, Schedule
@@ -14,6 +16,12 @@ from drivers.mock.motion import Motion
 from drivers.mock.port import Port
 
 _TICK_S = 0.002
+
+
+def be_prompt() -> None:
+    """Give this process precedence, where that is allowed: a device shares its processor with nobody."""
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
 
 
 class PluggedDevice:
@@ -24,19 +32,24 @@ class PluggedDevice:
         port: where it is plugged in.
         motion: the robot that its motors move; None for motors on a bench.
         faults: what goes wrong.
+
+    Raises:
+        ValueError: a fault is of a motor that the device has not.
     """
 
     def __init__(self, device: Device, port: Port, motion: Motion | None = None, faults: Sequence[Fault] = ()) -> None:
         self._device = device
         self._port = port
         self._motion = motion
-        self._schedule = Schedule(faults, time.monotonic())
+        self._schedule = Schedule(time.monotonic())
         self._befallen: list[tuple[Fault, int]] = []
         self._outbox: list[tuple[float, int, bytes]] = []
         self._replies = 0
         self._order = itertools.count()
         self._has_power = True
         self._dice = random.Random(0)
+        for fault in faults:
+            self.befall(fault)
 
     @property
     def applied_hz(self) -> tuple[float, ...]:
@@ -55,13 +68,16 @@ class PluggedDevice:
         return self._device.faults if self._has_power else ("no power",)
 
     def befall(self, fault: Fault) -> None:
-        """Add a fault to the script."""
+        """Add a fault to the script. Raises ValueError for a motor that the device has not."""
+        if fault.motor > len(self.applied_hz):
+            raise ValueError(f"motor is {fault.motor}; allowed: 1 to {len(self.applied_hz)}")
         self._schedule.add(fault)
 
-    def step(self, now_s: float) -> None:
-        """Do what is due at ``now_s``, as ``time.monotonic()`` counts."""
+    def step(self, now_s: float) -> bool:
+        """Do what is due at ``now_s``, as ``time.monotonic()`` counts; returns whether anything was received."""
         self._change_faults(now_s)
-        if data := self._port.receive(now_s):
+        data = self._port.receive(now_s)
+        if data:
             self._say(self._device.on_bytes(data, now_s) if self._has_power else b"", now_s)
         if self._has_power:
             self._say(self._device.tick(now_s), now_s)
@@ -69,12 +85,18 @@ class PluggedDevice:
             self._port.send(heapq.heappop(self._outbox)[2], now_s)
         if self._motion is not None:
             self._motion.advance(self.applied_hz, now_s)
+        return bool(data)
 
     def run(self, is_over: Callable[[float], bool]) -> None:
         """Go on in real time until ``is_over(now_s)``."""
+        be_prompt()
         while not is_over(now_s := time.monotonic()):
             self.step(now_s)
-            self._port.wait(now_s + _TICK_S)
+            self.wait()
+
+    def wait(self) -> None:
+        """Return when there is something to do again, after a tick at most."""
+        self._port.wait(time.monotonic() + _TICK_S)
 
     def close(self) -> None:
         """Unplug, and leave nothing behind."""
@@ -97,6 +119,8 @@ class PluggedDevice:
             self._port.unplug()
         elif fault.kind is Kind.BROWN_OUT:
             self._has_power = False
+        elif self._motion is not None:
+            self._motion.is_blind = True
 
     def _end(self, fault: Fault, now_s: float) -> None:
         if fault.kind in DEVICE_KINDS:
@@ -106,6 +130,8 @@ class PluggedDevice:
         elif fault.kind is Kind.BROWN_OUT:
             self._device.reboot(now_s)
             self._has_power = True
+        elif self._motion is not None:
+            self._motion.is_blind = False
 
     def _say(self, message: bytes, now_s: float) -> None:
         """Put one message of the device into the outbox, with what befalls it."""

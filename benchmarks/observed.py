@@ -1,0 +1,119 @@
+"""A mock device in its own process that notes to the microsecond when its motors start and stop, and when it hears."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Self
+
+from drivers.mock.faults import Fault
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """The motors' state from a time on, as ``time.monotonic()`` counts."""
+
+    t_s: float
+    are_all_on: bool
+    are_all_off: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What the device did since the last note.
+
+    Args:
+        changes: of its motors.
+        longest_gap_s: between two times that it was told something while motors were on.
+        are_all_off: whether all motors are off now.
+        watchdog: whether its watchdog has stopped them.
+    """
+
+    changes: tuple[Change, ...]
+    longest_gap_s: float
+    are_all_off: bool
+    watchdog: bool
+
+
+class ObservedDevice:
+    """A mock with its twin in a process of its own; to be used in a ``with`` statement."""
+
+    def __init__(self, device: str, link: Path) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(device, link, theirs), daemon=True)
+        self._process.start()
+        self.robot_file = Path(self._pipe.recv())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pipe.send(None)
+        self._process.join()
+
+    def note(self) -> Note:
+        """Return what the device did since the last call."""
+        self._pipe.send("note")
+        note: Note = self._pipe.recv()
+        return note
+
+    def befall(self, fault: Fault) -> None:
+        """Let something go wrong."""
+        self._pipe.send(fault)
+
+    def rested_s(self, timeout_s: float) -> float:
+        """Wait until all motors are off, and return since when. Raises TimeoutError."""
+        deadline_s = time.monotonic() + timeout_s
+        since_s = 0.0
+        while time.monotonic() < deadline_s:
+            note = self.note()
+            since_s = max([since_s, *(change.t_s for change in note.changes if change.are_all_off)])
+            if note.are_all_off:
+                return since_s
+            time.sleep(0.01)
+        raise TimeoutError(f"a motor was still running after {timeout_s:g} s")
+
+
+def _serve(device: str, link: Path, pipe: Connection) -> None:
+    from controller.mocks import open_mock
+    from drivers.mock.plugged import be_prompt
+
+    be_prompt()
+    mock = open_mock(device, link)
+    pipe.send(str(mock.robot_file))
+    changes: list[Change] = []
+    heard_s: float | None = None
+    longest_gap_s = 0.0
+    last = (False, True)
+
+    def each_time(_: float) -> bool:
+        nonlocal longest_gap_s
+        if not pipe.poll():
+            return False
+        match request := pipe.recv():
+            case Fault():
+                mock.plugged.befall(request)
+            case "note":
+                pipe.send(Note(tuple(changes), longest_gap_s, last[1], mock.plugged.watchdog))
+                changes.clear()
+                longest_gap_s = 0.0
+        return request is None
+
+    while not each_time(now_s := time.monotonic()):
+        heard = mock.plugged.step(now_s)
+        done_s = time.monotonic()
+        applied = mock.plugged.applied_hz
+        on, off = all(applied), not any(applied)
+        if (on, off) != last:
+            last = (on, off)
+            changes.append(Change(done_s, on, off))
+        if heard or off:
+            if heard_s is not None and not off:
+                longest_gap_s = max(longest_gap_s, now_s - heard_s)
+            heard_s = None if off else now_s
+        mock.plugged.wait()
+    mock.close()
