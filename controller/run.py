@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
@@ -14,7 +16,7 @@ import msgspec
 from controller.assembly import Rig, choose_robot, one_line_errors, open_rig
 from controller.interface import Optimizer, UserError
 from controller.learn import Budget, learn, source_from, summary
-from controller.recording import LOG_NAME, LoggedTrial, RunLog, read_run
+from controller.recording import LOG_NAME, LoggedTrial, Run, RunLog, read_run
 from controller.run_config import RunConfig, load_config, refuse_difference, save_config
 from controller.types import Gait, GaitSpace, Quantity, Source
 from transfer.methods import make_optimizer
@@ -23,15 +25,15 @@ from transfer.methods import make_optimizer
 class RunDirectory:
     """One run, open for learning: its robot and its log are open."""
 
-    def __init__(
-        self, path: Path, config: RunConfig, rig: Rig, optimizer: Optimizer, log: RunLog, trials: Sequence[LoggedTrial]
-    ) -> None:
+    def __init__(self, path: Path, config: RunConfig, rig: Rig, optimizer: Optimizer, log: RunLog, logged: Run) -> None:
         self.path = path
         self.config = config
         self.optimizer = optimizer
-        self.trials = list(trials)
+        self.space = search_space(config, rig.robot.motors.motor_count)
+        self.trials = list(logged.trials)
         self._rig = rig
         self._log = log
+        self._head = logged
 
     @classmethod
     def create(cls, path: Path, asked: dict[str, Any]) -> RunDirectory:
@@ -51,11 +53,10 @@ class RunDirectory:
             undo.callback(rig.robot.close)
             config = _complete({**asked, "robot": choice}, rig)
             optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
-            _make_directory(path)
-            save_config(config, path / "run.toml")
-            log = RunLog.create(path / LOG_NAME, rig.robot.structure, sources)
+            logged = Run(rig.robot.structure, sources, ())
+            log = _begin(path, config, logged)
             undo.pop_all()
-        return cls(path, config, rig, optimizer, log, ())
+        return cls(path, config, rig, optimizer, log, logged)
 
     @classmethod
     def resume(cls, path: Path, asked: dict[str, Any]) -> RunDirectory:
@@ -68,6 +69,7 @@ class RunDirectory:
         config = load_config(path)
         refuse_difference(config, asked)
         config = msgspec.structs.replace(config, trials=asked.get("trials", config.trials))
+        _budget(config)
         sources = read_run(path / LOG_NAME).sources
         rig = open_rig(config.robot, config.seed)
         with ExitStack() as undo:
@@ -76,13 +78,17 @@ class RunDirectory:
             log, logged = RunLog.recover(path / LOG_NAME)
             save_config(config, path / "run.toml")
             undo.pop_all()
-        return cls(path, config, rig, optimizer, log, logged.trials)
+        return cls(path, config, rig, optimizer, log, logged)
+
+    @property
+    def logged(self) -> Run:
+        """What the log holds."""
+        return replace(self._head, trials=tuple(self.trials))
 
     def learn(self) -> Iterator[LoggedTrial]:
         """Make the trials that are still to be made; see ``controller.learn.learn`` for what is raised."""
         settings = replace(self._rig.settings, duration_s=self.config.duration_s)
-        budget = Budget(self.config.trials, self.config.score)
-        return learn(self._rig.robot, self.optimizer, settings, budget, self._record, tuple(self.trials))
+        return learn(self._rig.robot, self.optimizer, settings, _budget(self.config), self._record, tuple(self.trials))
 
     def summarise(self) -> dict[str, Any]:
         """Write `summary.json` and return what is in it."""
@@ -123,11 +129,27 @@ def build_optimizer(config: RunConfig, motor_count: int, sources: Sequence[Sourc
         return make_optimizer(config.method, search_space(config, motor_count), config.seed, sources)
 
 
-def _make_directory(path: Path) -> None:
+def _budget(config: RunConfig) -> Budget:
+    with one_line_errors():
+        return Budget(config.trials, config.score, config.confirm, config.stop_below_m_s)
+
+
+def _begin(path: Path, config: RunConfig, head: Run) -> RunLog:
+    """Make the directory, with configuration and log, in one step: a killed program leaves no half of a run."""
     try:
-        path.mkdir(parents=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        fresh = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
     except OSError as error:
         raise UserError(f"{path} cannot be made: {error.strerror}; choose another --out") from error
+    try:
+        fresh.chmod(0o755)
+        save_config(config, fresh / "run.toml")
+        log = RunLog.create(fresh / LOG_NAME, head.structure, head.sources)
+        fresh.rename(path)
+    except BaseException:
+        shutil.rmtree(fresh)
+        raise
+    return log
 
 
 def _complete(asked: dict[str, Any], rig: Rig) -> RunConfig:
@@ -143,6 +165,7 @@ def _complete(asked: dict[str, Any], rig: Rig) -> RunConfig:
         "range_hz": rig.range_hz,
     }
     config = RunConfig(**{**usual, **asked})
+    _budget(config)
     motors = rig.robot.motors
     with one_line_errors():
         for frequency_hz in config.range_hz:

@@ -56,6 +56,8 @@ class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
         score: the score's name.
         optimise: the searched quantities.
         range_hz: the searched frequencies, lowest and highest, of every motor.
+        confirm: how many promising gaits the last trials repeat, and how often each.
+        stop_below_m_s: the search ends when a trial is expected to gain less than this.
         format: version of this file's layout.
     """
 
@@ -68,6 +70,8 @@ class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
     score: str
     optimise: tuple[str, ...]
     range_hz: tuple[float, float]
+    confirm: tuple[int, int] = (0, 0)
+    stop_below_m_s: float = 0.0
     format: int = FORMAT
 
 
@@ -101,13 +105,13 @@ def refuse_difference(config: RunConfig, asked: dict[str, Any]) -> None:
     """Raise UserError, naming the first difference, if ``asked`` is not what ``config`` says.
 
     ``asked`` holds only what was asked for; ``robot`` is a mapping of its own. A greater number of trials is no
-    difference: it prolongs the run.
+    difference: it prolongs the run, unless that ends with a confirmation.
     """
     stored = msgspec.to_builtins(config)
     wanted = {**asked.pop("robot", {}), **asked}
     for key, value in msgspec.to_builtins(wanted).items():
         has = stored["robot"].get(key) if key in stored["robot"] else stored.get(key)
-        if key == "trials" and value >= config.trials:
+        if key == "trials" and value >= config.trials and not any(config.confirm):
             continue
         if has != value:
             raise UserError(f"{key}: the run has {has}, but {value} was asked for; drop it, or start a new run (--out)")

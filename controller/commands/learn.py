@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Iterable
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any
 from controller.commands.answer import Answer, Command
 from controller.commands.options import add_robot_arguments, add_trial_arguments, asked_robot, number, one_of, whole
 from controller.commands.rerun_extra import has_rerun, require_rerun
+from controller.interface import UserError
 
 if TYPE_CHECKING:
     from controller.run import RunDirectory
+    from controller.view import LiveView
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -29,11 +31,23 @@ def _add_arguments(parser: ArgumentParser) -> None:
                        help="what to search: frequency, phase, amplitude (default frequency)")  # fmt: skip
     group.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
                        help="frequencies to search in Hz; negative ones turn the other way")  # fmt: skip
+    group.add_argument("--confirm", type=_gaits_by_repeats, metavar="KxR",
+                       help="spend the last K*R trials on R repeats of the K most promising gaits")  # fmt: skip
+    group.add_argument("--stop-when", dest="stop_below_mm_s", type=number(above=0), metavar="MM_S",
+                       help="end the search once a trial is expected to gain less than this")  # fmt: skip
     group = parser.add_argument_group("run")
     where = group.add_mutually_exclusive_group()
     where.add_argument("--out", type=Path, metavar="DIR", help="a new directory for the run (default below runs/)")
     where.add_argument("--resume", type=Path, metavar="DIR", help="go on with this run, as it would have gone on")
+    group.add_argument("--no-recording", action="store_true", help="leave no run.rrd beside the log")
     group.add_argument("--live", action="store_true", help="show the run in Rerun while it learns")
+
+
+def _gaits_by_repeats(text: str) -> tuple[int, int]:
+    gaits, _, repeats = text.partition("x")
+    if not (gaits.isdecimal() and repeats.isdecimal() and int(gaits) and int(repeats)):
+        raise ArgumentTypeError(f"{text!r} is not gaits x repeats, as in 3x4")
+    return int(gaits), int(repeats)
 
 
 def _execute(arguments: Namespace) -> Answer:
@@ -53,15 +67,18 @@ def _execute(arguments: Namespace) -> Answer:
         raise KeyboardInterrupt(f"{interrupt}; the run is saved, go on by --resume {run.path}") from None
     finally:
         result = run.summarise()
-    return Answer(_prose(result, _recorded(run)), result)
+    recorded = not arguments.no_recording and _recorded(run)
+    return Answer(_prose(result, recorded), result)
 
 
 def _asked(arguments: Namespace) -> dict[str, Any]:
     """Return what was asked for, keyed as in RunConfig; what was not given is absent."""
     asked: dict[str, Any] = {"robot": asked_robot(arguments)}
-    for key in ("method", "seed", "trials", "duration_s", "score", "optimise", "range_hz"):
+    for key in ("method", "seed", "trials", "duration_s", "score", "optimise", "range_hz", "confirm"):
         if (value := getattr(arguments, key)) is not None:
             asked[key] = value
+    if arguments.stop_below_mm_s is not None:
+        asked["stop_below_m_s"] = arguments.stop_below_mm_s / 1000.0
     if arguments.source:
         asked["sources"] = tuple(arguments.source)
     return asked
@@ -77,7 +94,7 @@ def _learn(run: RunDirectory, live: bool) -> None:
 
     done = sum(logged.score is not None for logged in run.trials)
     with ExitStack() as stack:
-        view = stack.enter_context(closing(run.live_view())) if live else None
+        view = stack.enter_context(closing(_live_view(run))) if live else None
         bar = stack.enter_context(
             tqdm(total=run.config.trials, initial=done, unit="trial", desc="learning", file=sys.stderr)
         )
@@ -91,12 +108,25 @@ def _learn(run: RunDirectory, live: bool) -> None:
                 bar.update()
 
 
+def _live_view(run: RunDirectory) -> LiveView:
+    from controller.showing import live_view
+
+    view = live_view(run)
+    try:
+        view.open_window()
+    except UserError:  # a robot's own computer has no screen; any other on this network tunnel may look
+        print(f"live at {view.url}: rerun --connect {view.url}", file=sys.stderr, flush=True)
+    return view
+
+
 def _recorded(run: RunDirectory) -> bool:
     """Leave a Rerun recording beside the log where Rerun is installed, and return whether it is."""
     if not has_rerun():
         return False
+    from controller.showing import save_run
+
     print("making the Rerun recording", file=sys.stderr, flush=True)
-    run.save_recording(run.path / "run.rrd")
+    save_run(run.path, run.path / "run.rrd")
     return True
 
 
@@ -108,7 +138,7 @@ def _prose(result: dict[str, Any], recorded: bool) -> str:
         f"95 % interval {_mm_s(best['low_m_s'])} to {_mm_s(best['high_m_s'])} mm/s",
         f"trials     {result['trials']} ({', '.join(f'{count} {name}' for name, count in result['outcomes'].items())})",
         f"run        {result['run']}",
-        f"view it    vvvaltr view {result['run']}" if recorded else 'view it    pip install "vvvaltr[rerun]"',
+        f"view it    vvvaltr view {result['run']}" + ("" if recorded else ' (needs pip install "vvvaltr[rerun]")'),
     )
     return "\n".join(lines)
 

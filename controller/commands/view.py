@@ -23,17 +23,17 @@ def _execute(arguments: Namespace) -> Answer:
 
 
 def _save(run: Path, recording: Path) -> Answer:
-    from controller.run import save_run_recording
+    from controller.showing import save_run
 
     if recording.exists():
         raise UserError(f"--save {recording} exists: choose another name, or move it away")
     recording.parent.mkdir(parents=True, exist_ok=True)
-    save_run_recording(run, recording)
+    save_run(run, recording)
     return Answer(f"{recording}: open it with rerun {recording}", {"recording": str(recording)})
 
 
 def _show(run: Path, web: bool) -> Answer:
-    from controller.run import show_run
+    from controller.showing import show_run
 
     show_run(run, web=web)
     return Answer(f"{run} was shown", {"run": str(run)})

@@ -29,7 +29,7 @@ def call(arguments: Sequence[str], capsys: pytest.CaptureFixture[str]) -> tuple[
 
 
 def learn(run: Path, *more: str) -> list[str]:
-    return ["learn", "--robot", "planar", *QUICK, "--out", str(run), *more]
+    return ["learn", "--robot", "planar", *QUICK, "--no-recording", "--out", str(run), *more]
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +133,9 @@ def test_phases_can_be_searched(tmp_path: Path) -> None:
         ("learn --optimise phase", "frequency"),
         ("learn --range 4 40", "40"),
         ("learn --range 9 4", "9"),
+        ("learn --confirm 3", "3"),
+        ("learn --confirm 4x10", "4x10"),
+        ("learn --stop-when 0", "0"),
         ("learn --resume nowhere", "nowhere"),
         ("learn --resume nowhere --out there", "not allowed with"),
         ("run 12 14", "2 frequencies"),
@@ -218,10 +221,38 @@ def test_a_finished_run_can_be_prolonged(flat: Path, tmp_path: Path, capsys: pyt
     short = tmp_path / "short"
     main(learn(short, "--trials", "6"))
 
-    status, _, _ = call(["learn", "--resume", str(short), "--trials", "10"], capsys)
+    status, _, _ = call(["learn", "--resume", str(short), "--trials", "10", "--no-recording"], capsys)
 
     assert status == 0
     assert trials(short) == trials(flat)
+
+
+def test_the_last_trials_confirm_the_most_promising_gaits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = tmp_path / "run"
+
+    status, out, _ = call(learn(run, "--trials", "15", "--confirm", "2x3", "--json"), capsys)
+
+    logged = read_run(run / "trials.mcap").trials
+    repeated = [it.trial.gait for it in logged if it.suggestion.origin == "confirmation"]
+    assert status == 0
+    assert [it.suggestion.origin == "confirmation" for it in logged] == [False] * 9 + [True] * 6
+    assert repeated == repeated[:2] * 3
+    assert json.loads(out)["recommended"]["gait_hz"] in [list(gait.frequency_hz) for gait in repeated]
+
+
+def test_a_search_without_prospects_ends_before_its_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = call(learn(tmp_path / "run", "--trials", "100", "--stop-when", "50", "--json"), capsys)
+
+    assert status == 0
+    assert json.loads(out)["trials"] < 20
+
+
+def test_a_learning_run_leaves_a_recording_where_rerun_is_installed(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+
+    assert main(["learn", *QUICK, "--trials", "3", "--out", str(run)]) == 0
+
+    assert subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", str(run / "run.rrd")], check=True)
 
 
 def start(arguments: Sequence[str]) -> subprocess.Popen[str]:
@@ -245,7 +276,7 @@ def test_a_killed_run_resumes_as_if_nothing_had_happened(flat: Path, tmp_path: P
     process.communicate()
     assert process.returncode == -signal.SIGKILL
 
-    assert main(["learn", "--resume", str(run)]) == 0
+    assert main(["learn", "--resume", str(run), "--no-recording"]) == 0
 
     assert trials(run) == trials(flat)
 
@@ -283,4 +314,6 @@ def test_learning_on_the_lean_install_imports_nothing_heavy(tmp_path: Path) -> N
         "assert not heavy, heavy"
     )
 
-    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, env={**os.environ, "TQDM_DISABLE": "1"})
+    subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, env={**os.environ, "TQDM_DISABLE": "1"}
+    )

@@ -1,3 +1,5 @@
+from typing import Any
+
 import pytest
 from scripted import ScriptedRobot, raising
 
@@ -12,9 +14,9 @@ SPACE = GaitSpace.over(3, 4.0, 16.7)
 SETTINGS = TrialSettings(duration_s=1.0)
 
 
-def run(robot: ScriptedRobot, trials: int, log: list[LoggedTrial]) -> None:
+def run(robot: ScriptedRobot, trials: int, log: list[LoggedTrial], **more: Any) -> None:
     """Learn with a fresh optimiser, going on from what the log holds."""
-    for _ in learn(robot, PlainBO(SPACE, seed=1), SETTINGS, Budget(trials), log.append, tuple(log)):
+    for _ in learn(robot, PlainBO(SPACE, seed=1), SETTINGS, Budget(trials, **more), log.append, tuple(log)):
         pass
 
 
@@ -39,6 +41,18 @@ def test_a_resumed_run_goes_on_as_the_uninterrupted_one() -> None:
     run(ScriptedRobot(), 14, torn)
 
     assert [logged.suggestion for logged in torn] == [logged.suggestion for logged in whole]
+
+
+@pytest.mark.parametrize("kept", [9, 10, 11, 13])
+def test_a_run_resumed_around_its_confirmation_confirms_the_same_gaits(kept: int) -> None:
+    whole: list[LoggedTrial] = []
+    run(ScriptedRobot(), 14, whole, confirm=(2, 2))
+    torn = whole[:kept]
+
+    run(ScriptedRobot(), 14, torn, confirm=(2, 2))
+
+    assert [logged.suggestion for logged in torn] == [logged.suggestion for logged in whole]
+    assert torn[-1].recommendation == whole[-1].recommendation
 
 
 def test_a_failed_trial_is_recorded_tried_again_and_never_told() -> None:
