@@ -67,8 +67,7 @@ def _execute(arguments: Namespace) -> Answer:
             run_campaign(store, pairs, arguments.repeats, methods, executor, _progress)
         except KeyboardInterrupt:
             raise KeyboardInterrupt("what is done is saved: the same command goes on with it") from None
-    keys = [pair.key for pair in pairs]
-    found = [it for it in findings(store) if it.pair.key in keys]
+    found = findings(store, pairs)
     return Answer(_prose(found, arguments.out), {"experiments": as_json(found), "out": str(arguments.out)})
 
 

@@ -100,13 +100,23 @@ class PairFindings:
         return (*map(str, self.checkpoints[:-1]), "end")
 
 
-def findings(store: Store) -> tuple[PairFindings, ...]:
+def findings(store: Store, chosen: Sequence[Pair] = ()) -> tuple[PairFindings, ...]:
     """Return what the campaign has found so far: every experiment of which a repeat is complete, in their order.
 
     A repeat is complete when Plain-BO's runs and those of every method that has been begun are done.
+
+    Args:
+        store: the campaign.
+        chosen: the experiments to look at; all that have been begun if none are given.
     """
-    found = (_pair_findings(store, pair) for pair in pairs(store.settings.robot))
+    looked_at = chosen or [pair for pair in pairs(store.settings.robot) if _is_begun(store, pair)]
+    found = (_pair_findings(store, pair) for pair in looked_at)
     return tuple(it for it in found if it is not None)
+
+
+def _is_begun(store: Store, pair: Pair) -> bool:
+    """Return whether something has learned from the pair's source: all else can belong to another pair as well."""
+    return any(unit.source and store.has(unit) for unit in units_of(pair, store.settings, 1, transfer_methods()).methods.values())
 
 
 def _pair_findings(store: Store, pair: Pair) -> PairFindings | None:

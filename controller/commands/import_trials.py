@@ -1,0 +1,130 @@
+"""`vvvaltr import`: trials measured elsewhere become a run, which others can learn from."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import time
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from controller.commands.answer import Answer, Command
+from controller.commands.options import number
+from controller.interface import UserError
+
+if TYPE_CHECKING:
+    from controller.recording import LoggedTrial
+
+_HZ: Mapping[str, float] = MappingProxyType({"hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 1.0 / math.tau})
+_METRES: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
+_M_S: Mapping[str, float] = MappingProxyType({"mm/s": 1e-3, "m/s": 1.0})
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("csv", type=Path, metavar="CSV", help="a table with a line of column names and a line per trial")
+    parser.add_argument("--gait", required=True, metavar="COLUMN,...", help="columns of the motors, in their order")
+    parser.add_argument("--unit", required=True, help=f"of these columns: {', '.join(_HZ)}; the sign is the sense of rotation")
+    parser.add_argument("--score", required=True, metavar="COLUMN", help="column of the net displacement or net speed")
+    parser.add_argument("--score-unit", required=True, metavar="UNIT", help=f"of that column: {', '.join((*_METRES, *_M_S))}")
+    parser.add_argument("--duration", dest="duration_s", type=number(above=0), metavar="S",
+                        help="of each trial; needed where the score is a displacement")  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a new directory for the run")
+
+
+def _execute(arguments: Namespace) -> Answer:
+    from controller.learn import summary
+    from controller.recording import LOG_NAME, RunLog
+
+    if arguments.out.exists():
+        raise UserError(f"--out {arguments.out} exists: choose another name, or move it away")
+    trials = list(_trials(arguments))
+    if not trials:
+        raise UserError(f"{arguments.csv} has no trial: it needs a line of numbers below the column names")
+    arguments.out.mkdir(parents=True)
+    with RunLog.create(arguments.out / LOG_NAME, structure=None) as log:
+        for logged in trials:
+            log.append(logged)
+    result = {"run": str(arguments.out), **summary(trials)}
+    (arguments.out / "summary.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    best = result["best_observed"]
+    return Answer(
+        f"{len(trials)} trials, the fastest {1000.0 * best['score_m_s']:.1f} mm/s\n"
+        f"learn from them: vvvaltr learn --source {arguments.out}",
+        result,
+    )
+
+
+def _trials(arguments: Namespace) -> Iterator[LoggedTrial]:
+    from controller.recording import LoggedTrial
+    from controller.types import Gait, Outcome, Suggestion, Trial
+
+    hz = _factor("--unit", arguments.unit, _HZ)
+    m_s = _speed_factor(arguments)
+    columns = arguments.gait.split(",")
+    now_unix_s = time.time()
+    for count, row in enumerate(_rows(arguments.csv, [*columns, arguments.score]), start=1):
+        *motors, measured = row
+        if measured < 0.0:
+            raise UserError(
+                f"{arguments.csv}: trial {count} has {arguments.score} {measured:g}: a net displacement or speed is not below 0"
+            )
+        gait = Gait(tuple(hz * value for value in motors))
+        trial = Trial(count, gait, Outcome.COMPLETED, "", now_unix_s, arguments.duration_s or 0.0)
+        yield LoggedTrial(Suggestion(gait, "imported"), trial, m_s * measured, None)
+
+
+def _factor(option: str, unit: str, factors: Mapping[str, float]) -> float:
+    if unit not in factors:
+        raise UserError(f"{option} {unit!r} is unknown: say {', '.join(factors)}")
+    return factors[unit]
+
+
+def _speed_factor(arguments: Namespace) -> float:
+    """Return what turns a number of the score's column into m/s."""
+    factor = _factor("--score-unit", arguments.score_unit, {**_METRES, **_M_S})
+    if arguments.score_unit in _M_S:
+        return factor
+    if arguments.duration_s is None:
+        raise UserError(f"--score-unit {arguments.score_unit} is a displacement: say how long a trial was, --duration S")
+    return factor / float(arguments.duration_s)
+
+
+def _rows(path: Path, columns: list[str]) -> Iterator[list[float]]:
+    """Yield the numbers in these columns, line by line."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            table = csv.DictReader(file)
+            if missing := [column for column in columns if column not in (table.fieldnames or ())]:
+                raise UserError(
+                    f"{path} has no column {missing[0]!r}: its first line has {', '.join(table.fieldnames or ['nothing'])}"
+                )
+            for row in table:
+                yield [_number(path, table.line_num, column, row[column]) for column in columns]
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}: name a CSV file") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"{path} is no table of text ({error}): save it as CSV in UTF-8") from None
+
+
+def _number(path: Path, line: int, column: str, text: str | None) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        shown = "nothing" if not text else repr(text)
+        raise UserError(f"{path}, line {line}: {column} is {shown}: give a number, or leave the line out")
+    return value
+
+
+COMMAND = Command(
+    help="make a run of trials measured elsewhere, to learn from",
+    example="vvvaltr import trials.csv --gait RPM_1,RPM_2,RPM_3 --unit rpm --score Displacement_mm --score-unit mm "
+    "--duration 20 --out runs/lab",
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

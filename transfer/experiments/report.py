@@ -1,0 +1,176 @@
+"""One HTML file that needs nothing else, and the figures in it as files of their own."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from transfer.experiments import figures, tables
+from transfer.experiments.findings import PairFindings, findings
+from transfer.experiments.store import Store
+from transfer.experiments.surfaces import surfaces
+from transfer.experiments.tables import Table
+from transfer.experiments.unit import Settings, opened
+from transfer.methods import METHODS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 1150px; margin: 2rem auto; padding: 0 1rem; }
+h1, h2, h3 { line-height: 1.2; } h2 { margin-top: 3rem; border-top: 1px solid #ccc; padding-top: 1rem; }
+figure { margin: 1.2rem 0; } figure img { max-width: 100%; } figcaption, caption { color: #555; font-size: 0.9em; }
+caption { text-align: left; padding-bottom: 0.3em; } .wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: 0.85em; margin: 1rem 0; }
+th, td { padding: 0.3em 0.7em; border-bottom: 1px solid #ddd; text-align: left; vertical-align: top; }
+tbody th { white-space: nowrap; } td { font-variant-numeric: tabular-nums; }
+.key { background: #f3f6f9; padding: 0.8em 1em; border-radius: 6px; }
+""".strip()
+
+_READING = """
+<p>A robot with vibration motors looks for a fast gait by trying: one gait at a time, each trial noisy. <b>Plain-BO</b>
+(Bayesian optimisation) begins with nothing. The <b>transfer</b> methods begin with the trials of an earlier run in
+another condition, the <i>source</i>. Does that find a good gait on the <i>target</i> sooner, and does it hurt where the
+two have little in common?</p>
+<ul>
+<li><b>True speed</b>: after so many trials a method recommends a gait. That gait is then started afresh %(starts)d
+times on the twin; the mean is its true speed. The method never sees these starts.</li>
+<li><b>Best observed</b>: the greatest speed seen so far in any one trial, which is what the thesis plots. With noisy
+trials it is the luckiest trial, and it overstates what the gait can do.</li>
+<li><b>Gain</b>: by how much the mean over the repeats exceeds Plain-BO's, with the 95 %% interval (bootstrap over
+repeats) in brackets. An interval on both sides of 0 means that no difference was shown.</li>
+<li><b>p</b>: of the Wilcoxon test paired by seed; in the first table of each experiment after Holm's correction for the
+number of methods.</li>
+<li><b>Effect size</b>: rank-biserial correlation; +1 if the method was ahead in every repeat, -1 if behind in every
+one.</li>
+<li><b>Chance</b>: how often one run of Plain-BO per repeat, played against the other runs of Plain-BO, gains as much by
+luck alone.</li>
+<li>Grey is Plain-BO, blue learns from the source, red does not: <i>optimistic</i> and <i>random</i> are controls. A gain
+that <i>optimistic</i> has as well is not transfer.</li>
+</ul>
+"""
+
+
+def write_report(store: Store) -> Path:
+    """Write `report.html` and `figures/` into the campaign's folder, over what an earlier report left; return the file.
+
+    Raises:
+        ValueError: no repeat of any experiment is complete.
+        ImportError: matplotlib is missing.
+        OSError: the folder cannot be written.
+    """
+    found = found_in(store)
+    folder = store.folder / "figures"
+    folder.mkdir(exist_ok=True)
+    page = "\n".join([*_head(store.settings, found, folder), *(_section(store, it, folder) for it in found)])
+    path = store.folder / "report.html"
+    path.write_text(_page(page), encoding="utf-8")
+    return path
+
+
+def found_in(store: Store) -> tuple[PairFindings, ...]:
+    """Return what the campaign has found. Raises ValueError where no repeat of any experiment is complete."""
+    found = findings(store)
+    if not found:
+        raise ValueError(f"{store.folder}: no repeat of an experiment is complete yet; go on with vvvaltr experiment")
+    return found
+
+
+def markdown(found: Sequence[PairFindings]) -> str:
+    """Return all tables in Markdown, for a document."""
+    parts = [tables.markdown(tables.beside_thesis(found))]
+    for it in found:
+        parts.append(f"### {_title(it)}\n\n{it.repeats} repeats of {it.checkpoints[-1]} trials. {it.pair.why}")
+        parts += [tables.markdown(tables.true_speeds(it)), tables.markdown(tables.verdicts(it))]
+    return "\n\n".join(parts)
+
+
+def _head(settings: Settings, found: Sequence[PairFindings], folder: Path) -> list[str]:
+    motors = "motors turn both ways" if settings.signed else "motors turn one way"
+    methods = dict.fromkeys(name for it in found for name in it.methods)
+    return [
+        "<h1>Does what was learned before help?</h1>",
+        f"<p>{settings.robot} twin, {motors}, trials of {settings.duration_s:g} s, seed {settings.seed}.</p>",
+        _READING % {"starts": settings.starts},
+        _figure(figures.overview(found), folder / "overview.png", "All experiments at a glance. Right of the grey line "
+                "is faster than Plain-BO; the dotted line is 5 % slower."),
+        _table(tables.beside_thesis(found)),
+        "<h3>The methods</h3><ul>",
+        *(f"<li><b>{escape(name)}</b>: {escape(METHODS[name].description)}</li>" for name in methods),
+        "</ul>",
+    ]  # fmt: skip
+
+
+def _section(store: Store, it: PairFindings, folder: Path) -> str:
+    pair = it.pair
+    _, space = opened(store.settings, pair.target, seed=0)
+    learned = surfaces(space, it.source_runs, it.target_runs)
+    inverted = ", its scores turned upside down" if pair.inverted else ""
+    return "\n".join([
+        f"<h2 id='{escape(pair.key)}'>{escape(_title(it))}</h2>",
+        f"<p>{escape(pair.why)} Source: {escape(pair.source.title)}{inverted}. Target: {escape(pair.target.title)}. "
+        f"{it.repeats} repeats of {it.checkpoints[-1]} trials.</p>",
+        f"<p class='key'>{escape(_in_words(it))}</p>",
+        _figure(figures.true_speed(it), folder / f"{pair.key}-true-speed.png",
+                "True mean speed of the recommended gait against trial, with the 95 % band of the mean over repeats. "
+                "Grey: Plain-BO."),
+        _table(tables.true_speeds(it)),
+        _figure(figures.best_so_far(it), folder / f"{pair.key}-best-so-far.png",
+                "Best observed speed so far, as the thesis plots it. Dotted: Plain-BO's final level; the triangle is "
+                "where the median run of the method reaches it."),
+        _table(tables.verdicts(it)),
+        _figure(figures.learned(learned, it), folder / f"{pair.key}-learned.png",
+                "What the runs have learned, source and target side by side: expected speed over two motors, the "
+                "third as given. The star marks the gait expected to be the target's fastest, on both."),
+    ])  # fmt: skip
+
+
+def _title(it: PairFindings) -> str:
+    number = f"Experiment {it.pair.key}" if it.pair.key[0].isdigit() else f"Control, {it.pair.key}"
+    return f"{number}: {it.pair.title}"
+
+
+def _in_words(it: PairFindings) -> str:
+    """Return what the experiment shows of the method that is the default, or the published one."""
+    name = next((name for name in ("guarded", "efficient") if name in it.methods), None)
+    if name is None:
+        return f"Plain-BO ends at a true speed of {1000.0 * it.plain.runs.mean_true_m_s[-1]:.1f} mm/s."
+    sentences = []
+    for checkpoint, comparison in zip(it.checkpoints[-3:], it.methods[name].against_plain[-3:], strict=True):
+        interval = comparison.interval_percent
+        verdict = "no difference shown" if interval.low <= 0.0 <= interval.high else (
+            "faster" if interval.low > 0.0 else "slower"
+        )  # fmt: skip
+        sentences.append(f"after {checkpoint} trials {tables.gain(comparison)} ({verdict})")
+    return f"True speed of {name} against Plain-BO: {'; '.join(sentences)}."
+
+
+def _figure(figure: Figure, path: Path, caption: str) -> str:
+    figure.savefig(path, dpi=130)
+    data = base64.b64encode(path.read_bytes()).decode()
+    return (
+        f"<figure><img src='data:image/png;base64,{data}' alt='{escape(caption, quote=True)}'>"
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def _table(table: Table) -> str:
+    head = "".join(f"<th>{escape(name)}</th>" for name in table.columns)
+    rows = "".join(
+        f"<tr><th>{escape(name)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
+        for name, *cells in table.rows
+    )
+    return (
+        f"<div class='wide'><table><caption>{escape(table.caption)}</caption>"
+        f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _page(body: str) -> str:
+    return (
+        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'><title>Transfer between conditions</title>"
+        f"<meta name='viewport' content='width=device-width'><style>{_STYLE}</style></head>\n<body>{body}</body></html>\n"
+    )

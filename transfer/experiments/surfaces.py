@@ -1,0 +1,90 @@
+"""What the runs of an experiment have learned, on source and target: the expected speed over two motors at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.streams import stream
+from controller.types import Gait, GaitSpace
+from transfer.belief import Trials
+from transfer.experiments.unit import Result
+from transfer.plain_bo import learned_alone
+from transfer.search import places
+
+Array = NDArray[np.float64]
+
+POINTS = 21  # along each axis; odd, so that a motor that may turn both ways can be off
+MOST_TRIALS = 250  # that one model is fitted to
+
+
+@dataclass(frozen=True, slots=True)
+class Slice:
+    """Expected speeds over two motors, the third held.
+
+    Args:
+        motors: the two, counted from 0.
+        held_hz: the third one's frequency.
+        source_m_s, target_m_s: ``[i, j]`` at frequency i of the second motor and j of the first.
+    """
+
+    motors: tuple[int, int]
+    held_hz: float
+    source_m_s: Array
+    target_m_s: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Surfaces:
+    """Slices through what was learned.
+
+    Args:
+        frequency_hz: (POINTS,) of every axis.
+        best_hz: the gait that is expected to be the target's fastest.
+        slices: one for each pair of motors.
+    """
+
+    frequency_hz: tuple[float, ...]
+    best_hz: tuple[float, ...]
+    slices: tuple[Slice, ...]
+
+
+def surfaces(space: GaitSpace, source: Sequence[Result], target: Sequence[Result]) -> Surfaces:
+    """Return slices of three motors' surfaces, each a model of the trials of several runs.
+
+    The motor that is not in the picture is off, as in section 8.1 of the thesis, where off is a gait that may be tried;
+    else it turns as in the target's best gait. Source and target are cut at the same place.
+    """
+    line = np.linspace(0.0, 1.0, POINTS)
+    grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
+    of_source, of_target = (
+        _expected_m_s(space, runs, grid).reshape((POINTS,) * 3) for runs in (source, target)
+    )
+    best = np.unravel_index(int(of_target.argmax()), of_target.shape)
+    first = space.parameters[0]
+    frequency_hz = first.low + line * (first.high - first.low)
+    held = (POINTS // 2,) * 3 if first.low == -first.high else tuple(map(int, best))
+
+    def cut(motors: tuple[int, int]) -> Slice:
+        (third,) = {0, 1, 2} - set(motors)
+        at = held[third]
+        return Slice(motors, float(frequency_hz[at]), *(s.take(at, axis=third).T for s in (of_source, of_target)))
+
+    return Surfaces(
+        tuple(frequency_hz.tolist()),
+        tuple(float(frequency_hz[i]) for i in best),
+        tuple(map(cut, combinations(range(3), 2))),
+    )
+
+
+def _expected_m_s(space: GaitSpace, runs: Sequence[Result], x: Array) -> Array:
+    """Return the speeds (m,) that a model of the runs' trials expects at places (m, 3)."""
+    steps = [step for run in runs for step in run.steps][:MOST_TRIALS]
+    tried = places(space, [Gait(step.gait_hz) for step in steps])
+    trials = Trials(tried, np.array([step.score_m_s for step in steps]))
+    belief = learned_alone(space, trials, None, stream(0, 0, "surfaces"))
+    return np.asarray(belief.scale.centre + belief.scale.spread * belief.posterior.predict(x)[0])

@@ -1,0 +1,110 @@
+"""Tables of what a campaign found: rows of plain text, which report and documentation dress as they need."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from transfer.experiments.findings import PairFindings
+from transfer.experiments.statistics import Comparison
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table: its caption, the columns' names, and the rows, whose first cell is their name."""
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def true_speeds(found: PairFindings) -> Table:
+    """Return the true mean speeds at the checkpoints, with the gain over Plain-BO, its interval and p."""
+    names = tuple("the end" if name == "end" else f"trial {name}" for name in found.checkpoint_names())
+    rows = []
+    for name, method in found.methods.items():
+        cells = []
+        for mean_m_s, it, p in zip(
+            method.runs.mean_true_m_s, method.against_plain, method.p_holm, strict=True
+        ):
+            speed = f"{1000.0 * mean_m_s:.1f}"
+            cells.append(speed if name == "plain" else f"{speed} ({gain(it)}, p {p_text(p)})")
+        rows.append((name, *cells))
+    caption = "True mean speed in mm/s of the recommended gait, and its gain over Plain-BO with the 95 % interval"
+    return Table(caption, ("method", *names), tuple(rows))
+
+
+def verdicts(found: PairFindings) -> Table:
+    """Return what is said of each method at the end, beside its true speed."""
+    rows = []
+    for name, method in found.methods.items():
+        end, best = method.against_plain[-1], method.best_against_plain
+        coverage = f"{100.0 * float(method.runs.covered.mean()):.0f} %"
+        reached = trials_text(method.trials_to_plain_level)
+        if name == "plain":
+            rows.append((name, "", "", "", "", reached, coverage))
+        else:
+            rows.append((name, f"{end.effect:+.2f}", chance_text(end), gain(best), chance_text(best), reached, coverage))
+    columns = (
+        "method",
+        "effect size (-1 to 1)",
+        "chance that Plain-BO against itself gains as much",
+        "gain in best observed speed",
+        "the same chance for it",
+        "trials to Plain-BO's final best observed",
+        "intervals that hold the true speed",
+    )
+    return Table("At the end of the budget", columns, tuple(rows))
+
+
+def beside_thesis(found: Sequence[PairFindings]) -> Table:
+    """Return the thesis' own figures for Efficient-BO beside ours."""
+    rows = []
+    for it in found:
+        if it.pair.published is None or "efficient" not in it.methods:
+            continue
+        theirs, ours = it.pair.published, it.methods["efficient"]
+        rows.append((
+            f"{it.pair.key}: {it.pair.title}",
+            f"{theirs.gain_percent:+.1f} %, p {theirs.p}",
+            f"{gain(ours.best_against_plain)}, p {p_text(ours.best_against_plain.p)}",
+            f"{theirs.trials} instead of {theirs.plain_trials}",
+            f"{trials_text(ours.trials_to_plain_level)} instead of {trials_text(it.plain.trials_to_plain_level)}",
+            f"{gain(ours.against_plain[-1])}, p {p_text(ours.against_plain[-1].p)}",
+        ))  # fmt: skip
+    columns = (
+        "experiment",
+        "best observed: thesis",
+        "best observed: here",
+        "trials to converge: thesis",
+        "trials to Plain-BO's final level: here",
+        "true speed at the end: here",
+    )
+    return Table("Efficient-BO against Plain-BO; p of Efficient-BO alone, not corrected", columns, tuple(rows))
+
+
+def markdown(table: Table) -> str:
+    """Return a table in Markdown."""
+    lines = [f"*{table.caption}.*", "", "| " + " | ".join(table.columns) + " |", "|---" * len(table.columns) + "|"]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in table.rows)])
+
+
+def gain(it: Comparison) -> str:
+    """Return a gain with its interval: ``+12 % [-3, +27]``."""
+    return f"{it.gain_percent:+.0f} % [{it.interval_percent.low:+.0f}, {it.interval_percent.high:+.0f}]"
+
+
+def p_text(p: float) -> str:
+    """Return a p-value as it is printed."""
+    return "< 0.001" if p < 0.001 else f"{p:.3f}" if p < 0.1 else f"{p:.2f}"
+
+
+def chance_text(it: Comparison) -> str:
+    """Return a chance as it is printed."""
+    return "below 0.1 %" if it.chance < 0.001 else f"{100.0 * it.chance:.1f} %"
+
+
+def trials_text(trials: float) -> str:
+    """Return a number of trials that may be never."""
+    return f"{trials:.0f}" if math.isfinite(trials) else "never"
