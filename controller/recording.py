@@ -172,8 +172,7 @@ class RunLog:
 
     def _messages(self, logged: LoggedTrial) -> list[_Timed]:
         trial = logged.trial
-        # A twin runs faster than real time: a trial begins where the last one ended, or the log would fold over.
-        origin_ns = max(_ns(trial.started_unix_s), self._end_ns)
+        origin_ns, end_ns = trial_span_ns(trial, after_ns=self._end_ns)
         messages: list[_Timed] = [("/optimizer/suggestion", origin_ns, codec.suggestion_message(logged.suggestion))]
         for pose in trial.poses:
             at_ns = origin_ns + _ns(pose.t_s)
@@ -184,7 +183,6 @@ class RunLog:
             ("/motors/command", origin_ns + _ns(each.t_s), codec.command_message(each)) for each in trial.commands
         ]
         messages += [("/motors/state", origin_ns + _ns(each.t_s), codec.state_message(each)) for each in trial.states]
-        end_ns = max(origin_ns + _ns(trial.duration_s), *(at_ns for _, at_ns, _ in messages))
         messages.append(("/trial", end_ns, codec.trial_message(trial, logged.score, logged.recommendation)))
         self._end_ns = end_ns
         return messages
@@ -194,6 +192,17 @@ class RunLog:
         for topic, at_ns, message in messages:
             self._writer.add_message(self._channels[topic], at_ns, message.SerializeToString(), at_ns)
         self._writer.flush()  # type: ignore[no-untyped-call]
+
+
+def trial_span_ns(trial: Trial, after_ns: int) -> tuple[int, int]:
+    """Return where a trial begins and ends in its log, in nanoseconds since 1970.
+
+    A twin runs faster than real time: a trial begins when it did or where the last one ended (``after_ns``), whichever
+    is later, or the log would fold over.
+    """
+    begin_ns = max(_ns(trial.started_unix_s), after_ns)
+    recorded: Iterable[Pose | Command | MotorState] = (*trial.poses, *trial.commands, *trial.states)
+    return begin_ns, begin_ns + _ns(max((trial.duration_s, *(each.t_s for each in recorded))))
 
 
 def read_run(path: Path) -> Run:
