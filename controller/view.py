@@ -97,7 +97,7 @@ class LiveView:
         self._recording.send_recording_name(title)
         self._scene = Scene(self._recording, run.structure)
         self._scene.add(run.trials)
-        _send_result(self._recording, self._scene.trials, learned)
+        _send_result(self._recording, run.trials, learned=None)  # which a resumed run is only about to tell its trials
 
     def open_window(self) -> None:
         """Open a viewer, which stays when the run has ended. Raises UserError where there is no screen."""

@@ -228,6 +228,13 @@ def test_a_live_view_serves_the_run_to_a_viewer_that_comes_late(tmp_path: Path) 
     assert len(column(received["/world/robot/struts"], "strips")) == 4 * 21
 
 
+def test_a_live_view_of_a_resumed_run_asks_nothing_of_an_optimiser_that_was_told_nothing() -> None:
+    def unready(gaits: list[Gait]) -> tuple[Estimate, ...]:
+        raise ValueError("nothing learned yet")
+
+    LiveView(RUN, "sample", Learned(SPACE, unready)).close()
+
+
 def test_a_live_view_without_a_viewer_costs_nothing_but_its_own_work() -> None:
     live = LiveView(Run(STRUCTURE), "sample")
     live.update(logged_trial(1))
