@@ -35,7 +35,7 @@ class Scatter:
     place_m: float = 0.005
     heading_rad: float = 0.05
     tilt_rad: float = 0.02
-    frequency: float = 0.11
+    frequency: float = 0.10
     position_m: float = 0.0002
     angle_rad: float = 0.002
 
