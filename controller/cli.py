@@ -14,7 +14,7 @@ from controller.commands.answer import Answer, Command
 from controller.interface import DeviceError, TrackingLost, UserError
 from controller.signals import interrupt_on_signals
 
-COMMANDS = ("learn", "run", "landscape", "view", "mock", "experiment", "report", "import")
+COMMANDS = ("learn", "run", "landscape", "view", "mock", "check", "calibrate", "experiment", "report", "import")
 MODULES = {"import": "import_trials"}  # a module cannot be called by a keyword
 
 

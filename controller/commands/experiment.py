@@ -22,7 +22,9 @@ def _add_arguments(parser: ArgumentParser) -> None:
                         help="where the results go; a campaign that was interrupted there goes on")  # fmt: skip
     group = parser.add_argument_group("what is done")
     group.add_argument("--robot", choices=("planar", "spatial"), default="planar", help="the twin (default planar)")
-    group.add_argument("--repeats", type=whole(1), default=10, metavar="N", help="each with seeds of its own (default 10)")
+    group.add_argument(
+        "--repeats", type=whole(1), default=10, metavar="N", help="each with seeds of its own (default 10)"
+    )
     group.add_argument("--methods", type=lambda text: tuple(text.split(",")), metavar="NAME,...",
                        help="to compare with Plain-BO (default all)")  # fmt: skip
     group.add_argument("--signed", action="store_true", help="motors may also turn backwards")

@@ -25,11 +25,17 @@ _M_S: Mapping[str, float] = MappingProxyType({"mm/s": 1e-3, "m/s": 1.0})
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("csv", type=Path, metavar="CSV", help="a table with a line of column names and a line per trial")
+    parser.add_argument(
+        "csv", type=Path, metavar="CSV", help="a table with a line of column names and a line per trial"
+    )
     parser.add_argument("--gait", required=True, metavar="COLUMN,...", help="columns of the motors, in their order")
-    parser.add_argument("--unit", required=True, help=f"of these columns: {', '.join(_HZ)}; the sign is the sense of rotation")
+    parser.add_argument(
+        "--unit", required=True, help=f"of these columns: {', '.join(_HZ)}; the sign is the sense of rotation"
+    )
     parser.add_argument("--score", required=True, metavar="COLUMN", help="column of the net displacement or net speed")
-    parser.add_argument("--score-unit", required=True, metavar="UNIT", help=f"of that column: {', '.join((*_METRES, *_M_S))}")
+    parser.add_argument(
+        "--score-unit", required=True, metavar="UNIT", help=f"of that column: {', '.join((*_METRES, *_M_S))}"
+    )
     parser.add_argument("--duration", dest="duration_s", type=number(above=0), metavar="S",
                         help="of each trial; needed where the score is a displacement")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a new directory for the run")
@@ -70,7 +76,8 @@ def _trials(arguments: Namespace) -> Iterator[LoggedTrial]:
         *motors, measured = row
         if measured < 0.0:
             raise UserError(
-                f"{arguments.csv}: trial {count} has {arguments.score} {measured:g}: a net displacement or speed is not below 0"
+                f"{arguments.csv}: trial {count} has {arguments.score} {measured:g}: "
+                "a net displacement or speed is not below 0"
             )
         gait = Gait(tuple(hz * value for value in motors))
         trial = Trial(count, gait, Outcome.COMPLETED, "", now_unix_s, arguments.duration_s or 0.0)
@@ -89,7 +96,9 @@ def _speed_factor(arguments: Namespace) -> float:
     if arguments.score_unit in _M_S:
         return factor
     if arguments.duration_s is None:
-        raise UserError(f"--score-unit {arguments.score_unit} is a displacement: say how long a trial was, --duration S")
+        raise UserError(
+            f"--score-unit {arguments.score_unit} is a displacement: say how long a trial was, --duration S"
+        )
     return factor / float(arguments.duration_s)
 
 
@@ -99,9 +108,8 @@ def _rows(path: Path, columns: list[str]) -> Iterator[list[float]]:
         with path.open(encoding="utf-8-sig", newline="") as file:
             table = csv.DictReader(file)
             if missing := [column for column in columns if column not in (table.fieldnames or ())]:
-                raise UserError(
-                    f"{path} has no column {missing[0]!r}: its first line has {', '.join(table.fieldnames or ['nothing'])}"
-                )
+                has = ", ".join(table.fieldnames or ["nothing"])
+                raise UserError(f"{path} has no column {missing[0]!r}: its first line has {has}")
             for row in table:
                 yield [_number(path, table.line_num, column, row[column]) for column in columns]
     except OSError as error:

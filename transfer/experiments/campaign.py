@@ -80,9 +80,7 @@ def run_campaign(
         UserError: a worker died.
         RuntimeError: a unit failed.
     """
-    all_units = [
-        units_of(pair, store.settings, repeat, methods) for repeat in range(1, repeats + 1) for pair in pairs
-    ]
+    all_units = [units_of(pair, store.settings, repeat, methods) for repeat in range(1, repeats + 1) for pair in pairs]
     sources = _missing(store, (units.source for units in all_units))
     _do(store, sources, executor, progress)
     targets = _missing(store, (unit for units in all_units for unit in (*units.plain, *units.methods.values())))

@@ -1,4 +1,4 @@
-"""Pictures of what a campaign found. Plain-BO is grey everywhere; what learns from a source is blue, what does not red."""
+"""Pictures of what a campaign found. Plain-BO is grey, what learns from a source blue, what does not red."""
 
 from __future__ import annotations
 
@@ -46,7 +46,9 @@ def overview(found: Sequence[PairFindings]) -> Figure:
         axes.set_title(fill(f"{pair.pair.key}: {pair.pair.title}", 32), fontsize=9)
         axes.set_xlabel("faster than Plain-BO (%)")
     ends = ", ".join("the end" if name == "end" else f"{name} trials" for name, _ in shown)
-    figure.suptitle(f"Gain in true speed and its 95 % interval,\nin each row from pale to strong after {ends}", fontsize=10)
+    figure.suptitle(
+        f"Gain in true speed and its 95 % interval,\nin each row from pale to strong after {ends}", fontsize=10
+    )
     return figure
 
 
@@ -107,7 +109,9 @@ def learned(found: Surfaces, pair: PairFindings) -> Figure:
             axes.set(xlabel=f"motor {first + 1} (Hz)", ylabel=f"motor {second + 1} (Hz)")
             axes.tick_params(labelbottom=True)
         figure.colorbar(mesh, ax=list(grid[:, column]), label="expected speed (mm/s)", location="bottom", shrink=0.8)
-        grid[0, column].set_title(f"{role}: {title}{_upside_down(role, pair)}\n\n" + grid[0, column].get_title(), fontsize=9)
+        grid[0, column].set_title(
+            f"{role}: {title}{_upside_down(role, pair)}\n\n" + grid[0, column].get_title(), fontsize=9
+        )
     return figure
 
 

@@ -116,7 +116,10 @@ def findings(store: Store, chosen: Sequence[Pair] = ()) -> tuple[PairFindings, .
 
 def _is_begun(store: Store, pair: Pair) -> bool:
     """Return whether something has learned from the pair's source: all else can belong to another pair as well."""
-    return any(unit.source and store.has(unit) for unit in units_of(pair, store.settings, 1, transfer_methods()).methods.values())
+    return any(
+        unit.source and store.has(unit)
+        for unit in units_of(pair, store.settings, 1, transfer_methods()).methods.values()
+    )
 
 
 def _pair_findings(store: Store, pair: Pair) -> PairFindings | None:

@@ -48,8 +48,8 @@ number of methods.</li>
 one.</li>
 <li><b>Chance</b>: how often one run of Plain-BO per repeat, played against the other runs of Plain-BO, gains as much by
 luck alone.</li>
-<li>Grey is Plain-BO, blue learns from the source, red does not: <i>optimistic</i> and <i>random</i> are controls. A gain
-that <i>optimistic</i> has as well is not transfer.</li>
+<li>Grey is Plain-BO, blue learns from the source, red does not: <i>optimistic</i> and <i>random</i> are controls. A
+gain that <i>optimistic</i> has as well is not transfer.</li>
 </ul>
 """
 
@@ -171,6 +171,7 @@ def _table(table: Table) -> str:
 
 def _page(body: str) -> str:
     return (
-        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'><title>Transfer between conditions</title>"
-        f"<meta name='viewport' content='width=device-width'><style>{_STYLE}</style></head>\n<body>{body}</body></html>\n"
+        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'><title>Transfer between conditions</title>\n"
+        f"<meta name='viewport' content='width=device-width'><style>{_STYLE}</style></head>\n"
+        f"<body>{body}</body></html>\n"
     )

@@ -61,9 +61,7 @@ def surfaces(space: GaitSpace, source: Sequence[Result], target: Sequence[Result
     """
     line = np.linspace(0.0, 1.0, POINTS)
     grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
-    of_source, of_target = (
-        _expected_m_s(space, runs, grid).reshape((POINTS,) * 3) for runs in (source, target)
-    )
+    of_source, of_target = (_expected_m_s(space, runs, grid).reshape((POINTS,) * 3) for runs in (source, target))
     best = np.unravel_index(int(of_target.argmax()), of_target.shape)
     first = space.parameters[0]
     frequency_hz = first.low + line * (first.high - first.low)
@@ -72,7 +70,8 @@ def surfaces(space: GaitSpace, source: Sequence[Result], target: Sequence[Result
     def cut(motors: tuple[int, int]) -> Slice:
         (third,) = {0, 1, 2} - set(motors)
         at = held[third]
-        return Slice(motors, float(frequency_hz[at]), *(s.take(at, axis=third).T for s in (of_source, of_target)))
+        source_m_s, target_m_s = (np.asarray(it.take(at, axis=third).T) for it in (of_source, of_target))
+        return Slice(motors, float(frequency_hz[at]), source_m_s, target_m_s)
 
     return Surfaces(
         tuple(frequency_hz.tolist()),

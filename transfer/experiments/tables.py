@@ -25,9 +25,7 @@ def true_speeds(found: PairFindings) -> Table:
     rows = []
     for name, method in found.methods.items():
         cells = []
-        for mean_m_s, it, p in zip(
-            method.runs.mean_true_m_s, method.against_plain, method.p_holm, strict=True
-        ):
+        for mean_m_s, it, p in zip(method.runs.mean_true_m_s, method.against_plain, method.p_holm, strict=True):
             speed = f"{1000.0 * mean_m_s:.1f}"
             cells.append(speed if name == "plain" else f"{speed} ({gain(it)}, p {p_text(p)})")
         rows.append((name, *cells))
@@ -45,7 +43,9 @@ def verdicts(found: PairFindings) -> Table:
         if name == "plain":
             rows.append((name, "", "", "", "", reached, coverage))
         else:
-            rows.append((name, f"{end.effect:+.2f}", chance_text(end), gain(best), chance_text(best), reached, coverage))
+            rows.append(
+                (name, f"{end.effect:+.2f}", chance_text(end), gain(best), chance_text(best), reached, coverage)
+            )
     columns = (
         "method",
         "effect size (-1 to 1)",

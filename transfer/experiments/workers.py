@@ -54,10 +54,10 @@ def cluster(address: str) -> Iterator[Executor]:
     except ImportError:
         raise UserError('a cluster needs Dask: pip install "vvvaltr[cluster]"') from None
     try:
-        client = Client(address, timeout=10)
+        client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise UserError(
             f"--scheduler {address}: no Dask scheduler answers ({error}); start one by: dask scheduler"
         ) from None
-    with client, client.get_executor(pure=False) as executor:
+    with client, client.get_executor(pure=False) as executor:  # type: ignore[no-untyped-call]
         yield executor

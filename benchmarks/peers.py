@@ -1,0 +1,284 @@
+"""Against peers from PyPI: time of a suggestion with 50 earlier and 50 own trials, and simple regret after 40 trials.
+
+python -m benchmarks.peers --json
+
+The peers are installed into an environment of their own below the cache folder. All programs run on one thread, with
+the same functions, the same seeds and the same noise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import venv
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+TRIALS = 40
+POINTS = 50
+TIMINGS = 5
+REQUIREMENTS = (("torch==2.13.0",), ("botorch", "scikit-optimize"))
+PEERS = ("botorch", "scikit-optimize")
+
+
+class Problem(Protocol):
+    """A function over the unit cube to be maximised."""
+
+    @property
+    def dimension(self) -> int:
+        """Of the cube."""
+        ...
+
+    def true(self, x: Array) -> Array:
+        """Return the true values (m,) at places (m, d)."""
+        ...
+
+    def observed(self, x: Array, rng: np.random.Generator) -> float:
+        """Return a noisy value at a place (d,)."""
+        ...
+
+
+class TwinProblem:
+    """Speed of the planar twin over its motors' frequencies, with the scatter of its repeats.
+
+    The true speed is the mean over 20 fresh starts.
+    """
+
+    def __init__(self, condition: str) -> None:
+        from controller.trial_runner import TrialSettings
+        from transfer.experiments.thesis import pairs
+        from transfer.experiments.unit import Settings, opened
+
+        target = next(pair.target for pair in pairs("planar") if pair.target.name == condition)
+        self._robot, self._space = opened(Settings(), target, seed=0)
+        self._settings = TrialSettings()
+        self.dimension = self._space.dimension
+
+    def observed(self, x: Array, rng: np.random.Generator) -> float:
+        """See Problem."""
+        return self._speed_m_s(x, int(rng.integers(2**31)))
+
+    def true(self, x: Array) -> Array:
+        """See Problem."""
+        import numpy as np
+
+        return np.array([np.mean([self._speed_m_s(place, start) for start in range(20)]) for place in x])
+
+    def _speed_m_s(self, x: Array, start: int) -> float:
+        from controller.scoring import score
+        from controller.trial_runner import run_trial
+
+        return score(run_trial(self._robot, self._space.from_unit(x), self._settings, start))
+
+
+class Ours:
+    """Plain-BO as it is here, behind the peers' calls."""
+
+    def begin(self, dimension: int, seed: int) -> None:
+        """Begin a new run."""
+        from controller.types import GaitSpace
+        from transfer.plain_bo import PlainBO
+
+        self._space = GaitSpace.over(dimension, 0.0, 1.0)
+        self._search = PlainBO(self._space, seed)
+
+    def ask(self, x: Array, y: Array) -> Array:
+        """Return the next place."""
+        if len(x):
+            self._search.tell(self._space.from_unit(x[-1]), float(y[-1]))
+        return self._space.to_unit(self._search.ask().gait)
+
+    def recommend(self, x: Array, y: Array) -> Array:
+        """Return the place of the greatest posterior mean."""
+        self._search.tell(self._space.from_unit(x[-1]), float(y[-1]))
+        return self._space.to_unit(self._search.recommend().gait)
+
+
+class PeerProcess:
+    """A peer in its own environment."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+
+    def begin(self, dimension: int, seed: int) -> None:
+        """Begin a new run."""
+        self._call({"do": "begin", "dimension": dimension, "seed": seed})
+
+    def ask(self, x: Array, y: Array) -> Array:
+        """Return the next place."""
+        return self._place({"do": "ask", "x": x.tolist(), "y": y.tolist()})
+
+    def recommend(self, x: Array, y: Array) -> Array:
+        """Return the place of the greatest posterior mean."""
+        return self._place({"do": "recommend", "x": x.tolist(), "y": y.tolist()})
+
+    def seconds(self, x: Array, y: Array, source: tuple[Array, Array] | None) -> float:
+        """Return how long a suggestion takes."""
+        command: dict[str, Any] = {"do": "ask", "x": x.tolist(), "y": y.tolist()}
+        if source is not None:
+            command["source"] = {"x": source[0].tolist(), "y": source[1].tolist()}
+        return float(self._call(command)["seconds"])
+
+    def _place(self, command: dict[str, Any]) -> Array:
+        import numpy as np
+
+        return np.array(self._call(command)["x"])
+
+    def _call(self, command: dict[str, Any]) -> dict[str, Any]:
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._process.stdin.write(json.dumps(command) + "\n")
+        self._process.stdin.flush()
+        line = self._process.stdout.readline()
+        if not line:
+            raise SystemExit("a peer ended; its own message is above")
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+
+@contextmanager
+def peer(name: str, python: Path) -> Iterator[PeerProcess]:
+    """Run a peer; it ends with the block."""
+    script = Path(__file__).with_name("peer_process.py")
+    command = [str(python), str(script), name]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield PeerProcess(process)
+        finally:
+            process.terminate()
+
+
+def environment(folder: Path) -> Path:
+    """Return the Python of the peers' environment, which is made where it is not there yet."""
+    python, complete = folder / "bin" / "python", folder / "complete"
+    if not complete.exists():
+        print(f"installing {', '.join(PEERS)} into {folder}", file=sys.stderr, flush=True)
+        venv.create(folder, with_pip=True, clear=True)
+        for requirements in REQUIREMENTS:
+            subprocess.run([python, "-m", "pip", "install", "-q", *requirements], check=True, stdout=sys.stderr)
+        complete.touch()
+    return python
+
+
+def recommended(program: Ours | PeerProcess, problem: Problem, seed: int) -> Array:
+    """Return what a program recommends after its trials."""
+    import numpy as np
+
+    program.begin(problem.dimension, seed)
+    x, y = np.empty((0, problem.dimension)), np.empty(0)
+    for trial in range(TRIALS):
+        place = program.ask(x, y)
+        value = problem.observed(place, np.random.default_rng([seed, trial]))
+        x, y = np.vstack([x, place]), np.append(y, value)
+    return program.recommend(x, y)
+
+
+def problems() -> dict[str, Problem]:
+    """Return the functions by name."""
+    from benchmarks.surfaces import hartmann3, hartmann6
+
+    return {
+        "hartmann3": hartmann3(),
+        "hartmann6": hartmann6(),
+        "twin_rough": TwinProblem("rough"),
+        "twin_damaged": TwinProblem("damaged"),
+    }
+
+
+def regrets(programs: dict[str, Ours | PeerProcess], seeds: Sequence[int]) -> dict[str, float]:
+    """Return mean simple regrets in percent of the best value, with their standard errors.
+
+    The best value of a twin, which nobody knows, is the greatest true speed of all gaits that any program recommended.
+    """
+    import numpy as np
+
+    figures: dict[str, float] = {}
+    for problem_name, problem in problems().items():
+        true = {name: np.empty(len(seeds)) for name in programs}
+        for index, seed in enumerate(seeds):
+            for name, program in programs.items():
+                true[name][index] = problem.true(recommended(program, problem, seed)[None, :])[0]
+            print(f"{problem_name}: {index + 1} of {len(seeds)} seeds", file=sys.stderr, flush=True)
+        best = getattr(problem, "best", max(float(values.max()) for values in true.values()))
+        for name, values in true.items():
+            percent = 100.0 * (best - values) / best
+            key = f"{problem_name}_regret_percent_{name}"
+            figures[key] = round(float(percent.mean()), 2)
+            if len(seeds) > 1:
+                figures[f"{key}_standard_error"] = round(float(percent.std(ddof=1) / np.sqrt(len(seeds))), 2)
+    return figures
+
+
+def times(peers: dict[str, PeerProcess]) -> dict[str, float]:
+    """Return the median processor times of a suggestion in ms, with 50 trials of a source and 50 of the target.
+
+    BoTorch's has a multi-task process; ``botorch_alone`` is the lighter one that takes all 100 for trials of one task,
+    as scikit-optimize does.
+    """
+    import numpy as np
+
+    from benchmarks.suggest import median_ms
+    from benchmarks.surfaces import gait3
+    from controller.types import GaitSpace, Source
+    from transfer.methods import METHODS, make_optimizer
+
+    surface, space, rng = gait3(0), GaitSpace.over(3, 0.0, 1.0), np.random.default_rng(0)
+    x = rng.random((2 * POINTS, 3))
+    y = np.array([surface.observed(place, rng) for place in x])
+    source = Source("earlier", tuple(map(space.from_unit, x[:POINTS])), tuple(y[:POINTS].tolist()))
+    figures = {}
+    for name in (name for name, method in METHODS.items() if method.uses_sources):
+        figures[f"{name}_ms"] = median_ms(partial(make_optimizer, name, space, sources=[source]))
+    first, own = (x[:POINTS], y[:POINTS]), (x[POINTS:], y[POINTS:])
+    for name, process in peers.items():
+        process.begin(3, 0)
+        figures[f"{name}_ms"] = 1e3 * float(np.median([process.seconds(*own, first) for _ in range(TIMINGS)]))
+    peers["botorch"].begin(3, 0)
+    alone = [peers["botorch"].seconds(x, y, None) for _ in range(TIMINGS)]
+    figures["botorch_alone_ms"] = 1e3 * float(np.median(alone))
+    return {name: round(figure, 2) for name, figure in figures.items()}
+
+
+def ratios(figures: dict[str, float]) -> dict[str, float]:
+    """Return how many times longer the peers take for a suggestion than the default transfer method."""
+    ours = figures.get("guarded_ms", figures["efficient_ms"])
+    return {
+        "botorch_over_ours": round(min(figures["botorch_ms"], figures["botorch_alone_ms"]) / ours, 1),
+        "scikit_optimize_over_ours": round(figures["scikit-optimize_ms"] / ours, 1),
+    }
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser.add_argument("--seeds", type=int, default=20, help="runs of each function (default 20)")
+    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    parser.add_argument("--cache", type=Path, default=cache / "vvvaltr" / "peers", help="the peers' environment")
+    arguments = parser.parse_args()
+    # Before numpy is imported, here and in the peers, which read them once.
+    os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
+    python = environment(arguments.cache)
+    with peer("botorch", python) as botorch, peer("scikit-optimize", python) as skopt:
+        peers = {"botorch": botorch, "scikit-optimize": skopt}
+        figures = times(peers)
+        figures |= ratios(figures) | regrets({"ours": Ours(), **peers}, range(arguments.seeds))
+    for name, figure in figures.items():
+        print(f"{name:55} {figure:8.2f}")
+    if arguments.json:
+        print(json.dumps({"seeds": arguments.seeds, "trials": TRIALS, **figures}))
+
+
+if __name__ == "__main__":
+    main()
