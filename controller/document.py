@@ -40,10 +40,21 @@ def typed(content: Any, kind: type[_T], name: str) -> _T:
         raise UserError(f"{name}: {_explained(str(error), content, kind)}") from None
 
 
-def to_toml(content: Mapping[str, Any]) -> str:
-    """Return plain ``content`` as TOML, each array of numbers on one line; what is None is left out."""
-    text = tomli_w.dumps({key: value for key, value in content.items() if value is not None})
-    return re.sub(r"^\w+ = \[\n.*?^\]", _on_one_line, text, flags=re.DOTALL | re.MULTILINE)
+def to_toml(content: Mapping[str, Any], within: str = "") -> str:
+    """Return plain ``content`` as TOML, each array on one line and each table under its header; None is left out."""
+    tables = {key: value for key, value in content.items() if _is_table(value)}
+    text = tomli_w.dumps({key: value for key, value in content.items() if value is not None and key not in tables})
+    text = re.sub(r"^\w+ = \[\n.*?^\]", _on_one_line, text, flags=re.DOTALL | re.MULTILINE)
+    for key, value in tables.items():
+        for table in [value] if isinstance(value, dict) else value:
+            header = f"[{within}{key}]" if isinstance(value, dict) else f"[[{within}{key}]]"
+            text += f"\n{header}\n{to_toml(table, f'{within}{key}.')}"
+    return text
+
+
+def _is_table(value: Any) -> bool:
+    is_list = isinstance(value, list | tuple) and len(value) > 0
+    return isinstance(value, dict) or (is_list and all(isinstance(item, dict) for item in value))
 
 
 def _on_one_line(array: re.Match[str]) -> str:
