@@ -61,7 +61,7 @@ class Belief:
 
     def estimates(self, x: Array) -> tuple[Estimate, ...]:
         """Return what is believed of the true scores at places (m, d)."""
-        return self.scale.estimates(*self.posterior.predict(x))
+        return self.scale.estimates(*self.posterior.predict(x), self.noise_variance)
 
     def promising(self, count: int = 5) -> Array:
         """Return the seen places (k, d), k <= count, of the greatest posterior mean, the greatest first."""
@@ -88,6 +88,6 @@ def named(space: GaitSpace, scale: Scale, hyperparameters: Hyperparameters) -> d
         for parameter, length in zip(space.parameters, hyperparameters.length_scale, strict=True)
     }
     return lengths | {
-        "signal_sd": scale.spread * math.sqrt(hyperparameters.signal_variance),
-        "noise_sd": scale.spread * math.sqrt(hyperparameters.noise_variance),
+        "signal_sd": scale.unit() * math.sqrt(hyperparameters.signal_variance),
+        "noise_sd": scale.unit() * math.sqrt(hyperparameters.noise_variance),
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,21 +28,23 @@ class EarlierRun:
     scale: Scale
 
     @classmethod
-    def learned(cls, space: GaitSpace, seed: int, source: Source) -> EarlierRun:
-        """Return what a source says by itself.
+    def learned(
+        cls, space: GaitSpace, seed: int, source: Source, scaled: Callable[[Array], Scale] = Scale.of
+    ) -> EarlierRun:
+        """Return what a source says by itself, its scores on the scale that ``scaled`` finds for them.
 
         Raises:
             ValueError: it has another number of motors than the space.
         """
         trials = Trials(places(space, source.gaits), np.array(source.scores))
-        scale = Scale.of(trials.scores)
+        scale = scaled(trials.scores)
         observations = Observations.alike(trials.x, scale.standardise(trials.scores))
         rng = stream(seed, 0, f"hyperparameters of {source.name}")
         return cls(trials, refitted(observations, None, 0, rng), scale)
 
     def predicted(self, x: Array) -> Array:
         """Return the scores (m,) that the source alone predicts at places (m, d)."""
-        return self.scale.centre + self.scale.spread * self.process.predict(x)[0]
+        return self.scale.scores(self.process.predict(x)[0])
 
     def best(self, count: int) -> Array:
         """Return the tried places (k, d), k <= count, of the greatest posterior mean, the greatest first, well apart.
@@ -53,15 +55,17 @@ class EarlierRun:
         return spread_out(inside, self.process.predict(inside)[0], count)
 
 
-def learned_from(space: GaitSpace, seed: int, sources: Sequence[Source]) -> list[EarlierRun]:
-    """Return what each source says by itself.
+def learned_from(
+    space: GaitSpace, seed: int, sources: Sequence[Source], scaled: Callable[[Array], Scale] = Scale.of
+) -> list[EarlierRun]:
+    """Return what each source says by itself, its scores on the scale that ``scaled`` finds for them.
 
     Raises:
         ValueError: there is none, or one has another number of motors than the space.
     """
     if not sources:
         raise ValueError("this method learns from an earlier run: give it a source")
-    return [EarlierRun.learned(space, seed, source) for source in sources]
+    return [EarlierRun.learned(space, seed, source, scaled) for source in sources]
 
 
 def best_of_all(runs: Sequence[EarlierRun], count: int) -> Array:

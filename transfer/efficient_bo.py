@@ -62,7 +62,7 @@ class EfficientBO(Search):
     """
 
     def __init__(self, space: GaitSpace, seed: int, sources: Sequence[Source]) -> None:
-        runs = learned_from(space, seed, sources)
+        runs = learned_from(space, seed, sources, Scale.linear)
 
         def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief:
             return learned_together(space, runs, trials, last, rng)
@@ -87,8 +87,8 @@ def learned_together(
     """Return what the target's trials and the sources' say together."""
     tasks = [*(run.trials for run in runs), trials]
     scores = np.concatenate([task.scores for task in tasks])
-    scale = Scale.of(scores)
-    variances = [source_variance((trials.scores - run.predicted(trials.x)) / scale.spread) for run in runs]
+    scale = Scale.linear(scores)
+    variances = [source_variance((trials.scores - run.predicted(trials.x)) / scale.unit()) for run in runs]
     observations = Observations(
         x=np.concatenate([task.x for task in tasks]),
         y=scale.standardise(scores),
@@ -96,5 +96,5 @@ def learned_together(
         share=np.repeat([0.0] * len(runs) + [1.0], [len(task) for task in tasks]),
     )
     belief = Belief.of(refitted(observations, last, len(trials), rng), scale, space)
-    deviations = {f"source_{i}_noise_sd": scale.spread * math.sqrt(v) for i, v in enumerate(variances, start=1)}
+    deviations = {f"source_{i}_noise_sd": scale.unit() * math.sqrt(v) for i, v in enumerate(variances, start=1)}
     return replace(belief, hyperparameters={**belief.hyperparameters, **deviations})

@@ -21,6 +21,10 @@ JITTER = 1e-6
 """Share of the signal variance that is added to the kernel's diagonal, so that equal places keep it invertible."""
 
 
+NOISE, NOISE_SD = 0.3, 1.0
+"""Prior of the noise variance's logarithm: its median and its standard deviation."""
+
+
 @dataclass(frozen=True, slots=True)
 class Observations:
     """What a process is fitted to. The noise variance of value i is ``given[i] + share[i] * noise_variance``.
@@ -76,11 +80,11 @@ class Prior:
 
     @classmethod
     def of(cls, dimension: int) -> Prior:
-        """Return the default: length scales about 0.3 in three dimensions and longer in more, little noise."""
+        """Return the default: length scales about 0.3 in three dimensions and longer in more, and much noise."""
         length = math.log(0.3) + 0.5 * math.log(dimension / 3)
         return cls(
-            np.array([length] * dimension + [0.0, math.log(0.02)]),
-            np.array([0.7] * dimension + [1.0, 1.5]),
+            np.array([length] * dimension + [0.0, math.log(NOISE)]),
+            np.array([0.7] * dimension + [1.0, NOISE_SD]),
         )
 
 

@@ -93,8 +93,8 @@ class Search:
 
         Infinite while trials are not chosen for that.
         """
-        spread = 1.0 if self._belief is None else self._belief.scale.spread
-        return spread * self._propose(self._trials, self._belief, self._stream("proposal")).improvement
+        unit = 1.0 if self._belief is None else self._belief.scale.unit()
+        return unit * self._propose(self._trials, self._belief, self._stream("proposal")).improvement
 
     def _best(self) -> Array:
         """Return the place (d,) of the greatest posterior mean."""
