@@ -7,6 +7,7 @@ TICKS = 0x3FFFFFFF  # clocks count modulo this + 1, as MicroPython's do
 _FULL = 1000
 _INTEGRAL_GAIN = 20  # 1/s: how fast a lasting error is made up for
 _FINE = 100  # the integral's steps per thousandth of the supply
+_NEWS_MS = 30  # an error counts for so long at most: a slow motor's is known at its edges only, and it would hunt
 _STALL_OUTPUT = 150
 _STALL_MHZ = 167  # 10 turns a minute
 _STALL_MS = 1000
@@ -27,6 +28,7 @@ class SpeedMeter:
     def __init__(self, counts_per_turn: int) -> None:
         self.mhz = 0
         self.edge_mhz = 0  # the same, but 0 if no edge came since the reading before
+        self.is_news = True  # an edge came, or the motor stands still
         self._mhz_us = 1000000000 // counts_per_turn
         self._turning = False
         self._count = 0
@@ -43,11 +45,13 @@ class SpeedMeter:
             self._count = count
             self._edge_us = edge_us
             self.edge_mhz = self.mhz
+            self.is_news = True
             return
         self.edge_mhz = 0
         bound = self._mhz_us // max(1, (now_us - self._edge_us) & TICKS)  # it would have shown if it turned faster
         self._turning = self._turning and bound >= _STALL_MHZ
         self.mhz = clamp(self.mhz, bound) if self._turning else 0
+        self.is_news = not self._turning
 
 
 class SpeedLoop:
@@ -66,9 +70,16 @@ class SpeedLoop:
         self._no_load_mhz = no_load_mhz
         self._ramp_mhz_s = ramp_mhz_s
         self._integral = 0
+        self._news_ms = 0
 
-    def regulate(self, measured_mhz: int, elapsed_ms: int) -> int:
-        """Return the output for the next moment, ``elapsed_ms`` after the last call."""
+    def regulate(self, measured_mhz: int, is_news: bool, elapsed_ms: int) -> int:
+        """Return the output for the next moment, ``elapsed_ms`` after the last call.
+
+        Args:
+            measured_mhz: the frequency.
+            is_news: whether it was measured since the last call.
+            elapsed_ms: time since the last call.
+        """
         step = self._ramp_mhz_s * elapsed_ms // 1000
         self.ramped_mhz += clamp(self.target_mhz - self.ramped_mhz, step)
         if self.ramped_mhz == 0 and self.target_mhz == 0:
@@ -78,9 +89,14 @@ class SpeedLoop:
         proportional = (self.ramped_mhz + error) * _FULL // self._no_load_mhz  # feed-forward and a gain of one
         wanted = proportional + self._integral // _FINE
         self.output = clamp(wanted, _FULL)
-        # Anti-windup: a motor that still follows the ramp, or has all of the supply, has no lasting error.
-        if self.ramped_mhz == self.target_mhz and wanted == self.output:
-            self._integral += error * _INTEGRAL_GAIN * elapsed_ms * _FINE // self._no_load_mhz
+        # Anti-windup: a motor that still follows the ramp has no lasting error, and at the supply's end the integral may
+        # only lead back.
+        self._news_ms = min(_NEWS_MS, self._news_ms + elapsed_ms)
+        may_grow = wanted == self.output or wanted * error < 0
+        if is_news and may_grow and self.ramped_mhz == self.target_mhz:
+            self._integral += error * _INTEGRAL_GAIN * self._news_ms * _FINE // self._no_load_mhz
+        if is_news:
+            self._news_ms = 0
         return self.output
 
     def is_stalled(self, edge_mhz: int, elapsed_ms: int) -> bool:

@@ -191,7 +191,7 @@ class Node:
             meter = self.meters[motor]
             count, edge_us = self._board.encoder(motor)
             meter.update(count, edge_us, now_us)
-            self._board.set_output(motor, loop.regulate(meter.mhz, elapsed_ms))
+            self._board.set_output(motor, loop.regulate(meter.mhz, meter.is_news, elapsed_ms))
             if loop.is_stalled(meter.edge_mhz, elapsed_ms):
                 self._fail(STALL, motor)
 

@@ -104,6 +104,13 @@ def test_the_motors_reach_their_frequencies_under_load_and_the_node_measures_the
     assert Flag.DRIVING in last.flags
 
 
+def test_slow_motors_do_not_hunt_though_their_edges_are_rare(bench):
+    bench.drive((1.0, -1.0, 2.0), 2000)
+    for _ in range(50):
+        bench.drive((1.0, -1.0, 2.0), 20)
+        assert bench.turning_hz == pytest.approx((1.0, -1.0, 2.0), rel=0.2)
+
+
 def test_set_points_rise_no_faster_than_the_ramp_and_within_the_supply(bench):
     told = bench.drive((MAX_HZ, -MAX_HZ, 0.0), 200) + bench.drive((-MAX_HZ, MAX_HZ, 0.0), 500)
     ramped = [motor.ramped_hz for telemetry in told for motor in telemetry.motors[:1]]
@@ -256,10 +263,21 @@ def test_the_integral_does_not_wind_up_while_the_supply_is_exhausted():
     loop = SpeedLoop(no_load_mhz=20000, ramp_mhz_s=1000000)
     loop.target_mhz = 16000
     for _ in range(90):
-        loop.regulate(measured_mhz=1000, elapsed_ms=10)  # far too great a load, for 0.9 s
+        loop.regulate(measured_mhz=1000, is_news=True, elapsed_ms=10)  # far too great a load, for 0.9 s
     assert loop.output == 1000
     loop.target_mhz = 8000
-    assert loop.regulate(measured_mhz=9000, elapsed_ms=10) < 600
+    assert loop.regulate(measured_mhz=9000, is_news=True, elapsed_ms=10) < 600
+
+
+def test_a_load_that_vanishes_does_not_leave_the_motor_at_full_speed():
+    loop = SpeedLoop(no_load_mhz=20000, ramp_mhz_s=10**6)
+    loop.target_mhz = 8000
+    for _ in range(90):
+        loop.regulate(measured_mhz=6000, is_news=True, elapsed_ms=10)
+    loop.target_mhz = 16000
+    outputs = [loop.regulate(measured_mhz=20000, is_news=True, elapsed_ms=10) for _ in range(50)]
+    assert outputs[0] == 1000
+    assert outputs[-1] < 800
 
 
 @pytest.mark.parametrize(("output_share", "stalls"), [(0.10, False), (0.14, False), (0.16, True), (-0.5, True)])
@@ -268,7 +286,7 @@ def test_a_motor_that_does_not_follow_a_considerable_output_for_a_second_is_stal
     loop.target_mhz = round(20000 * output_share)
     told = []
     for _ in range(100):
-        loop.regulate(measured_mhz=loop.target_mhz, elapsed_ms=10)
+        loop.regulate(measured_mhz=loop.target_mhz, is_news=True, elapsed_ms=10)
         told.append(loop.is_stalled(edge_mhz=0, elapsed_ms=10))
     assert told == [False] * 99 + [stalls]
     assert loop.is_stalled(edge_mhz=-loop.target_mhz, elapsed_ms=10) == stalls
