@@ -89,8 +89,8 @@ class SpeedLoop:
         proportional = (self.ramped_mhz + error) * _FULL // self._no_load_mhz  # feed-forward and a gain of one
         wanted = proportional + self._integral // _FINE
         self.output = clamp(wanted, _FULL)
-        # Anti-windup: a motor that still follows the ramp has no lasting error, and at the supply's end the integral may
-        # only lead back.
+        # Anti-windup: a motor that still follows the ramp has no lasting error, and at the supply's end the integral
+        # may only lead back.
         self._news_ms = min(_NEWS_MS, self._news_ms + elapsed_ms)
         may_grow = wanted == self.output or wanted * error < 0
         if is_news and may_grow and self.ramped_mhz == self.target_mhz:
