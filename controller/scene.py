@@ -21,20 +21,21 @@ if TYPE_CHECKING:
     import rerun as rr
 
 Array = NDArray[np.float64]
-Colour = tuple[int, int, int]
+_Colour = tuple[int, int, int]
 _When = tuple[float, int]  # seconds since the run began, number of the trial
 
-GROUND: Colour = (62, 70, 84)
-LINES: Colour = (104, 114, 130)
-SPRING: Colour = (150, 158, 170)
-STRUT: Colour = (205, 208, 214)
-TRAIL: Colour = (250, 200, 70)
-MEASURED: Colour = (240, 240, 240)
-MEAN: Colour = (90, 190, 255)
-INTERVAL: Colour = (55, 110, 150)
+_GROUND: _Colour = (62, 70, 84)
+_LINES: _Colour = (104, 114, 130)
+_SPRING: _Colour = (150, 158, 170)
+_STRUT: _Colour = (205, 208, 214)
+_TRAIL: _Colour = (250, 200, 70)
+_MEASURED: _Colour = (240, 240, 240)
+_MEAN: _Colour = (90, 190, 255)
+_INTERVAL: _Colour = (55, 110, 150)
 _GRID_M = 0.05
 _LABEL_M = 0.07  # above the robot's centre
-MOTORS: tuple[Colour, ...] = (
+_ARROW_M = 0.06
+_MOTORS: tuple[_Colour, ...] = (
     (240, 90, 90),
     (110, 205, 105),
     (95, 155, 255),
@@ -74,7 +75,8 @@ class Scene:
         self._trials: list[LoggedTrial] = []
         self._begin_ns: int | None = None
         self._end_ns = 0
-        _send_styles(recording, structure)
+        _send_world_styles(recording, structure)
+        _send_speed_styles(recording)
         if structure is not None and structure.terrain is not None:
             _send_ground(recording, structure.terrain)
 
@@ -121,9 +123,19 @@ class Scene:
         ]
         centres_m = np.reshape([pose.position_m for _, pose in poses], (-1, 3))
         self._send("world/robot/centre", [when for when, _ in poses], rr.Points3D.columns(positions=centres_m))
+        self._send_headings([(when, pose) for when, pose in poses if not pose.markers_m])
         if self._structure is not None:
             self._send_edges("world/robot/struts", self._structure.struts, poses)
             self._send_edges("world/robot/springs", self._structure.springs, poses)
+
+    def _send_headings(self, poses: Sequence[tuple[_When, Pose]]) -> None:
+        """Send an arrow where a tracker sees no more of the robot than where it is and where it points."""
+        import rerun as rr
+
+        arrows = np.reshape([(math.cos(pose.yaw_rad), math.sin(pose.yaw_rad), 0.0) for _, pose in poses], (-1, 3))
+        origins = np.reshape([pose.position_m for _, pose in poses], (-1, 3))
+        columns = rr.Arrows3D.columns(vectors=_ARROW_M * arrows, origins=origins)
+        self._send("world/robot/heading", [when for when, _ in poses], columns)
 
     def _send_edges(self, path: str, edges: Sequence[tuple[int, int]], poses: Sequence[tuple[_When, Pose]]) -> None:
         """Send a line for each pair of strut ends, at each pose in which the tracker saw all of them."""
@@ -137,20 +149,11 @@ class Scene:
             self._send(path, [when for when, _ in seen], columns)
 
     def _send_motors(self, placed: Sequence[_Placed]) -> None:
-        for motor in range(max(it.trial.gait.motor_count for it in placed)):
+        trials = [it.trial for it in placed]
+        for motor in range(max(trial.gait.motor_count for trial in trials)):
             _send_motor_style(self._recording, motor)
-            commanded = [
-                [
-                    (each.t_s, each.gait.frequency_hz[motor])
-                    for each in it.trial.commands
-                    if motor < each.gait.motor_count
-                ]
-                for it in placed
-            ]
-            applied = [
-                [(each.t_s, each.frequency_hz[motor]) for each in it.trial.states if motor < len(each.frequency_hz)]
-                for it in placed
-            ]
+            commanded = [_points(((it.t_s, it.gait.frequency_hz) for it in trial.commands), motor) for trial in trials]
+            applied = [_points(((it.t_s, it.frequency_hz) for it in trial.states), motor) for trial in trials]
             self._send_curve(f"motors/{motor + 1}/commanded", placed, commanded)
             self._send_curve(f"motors/{motor + 1}/applied", placed, applied)
 
@@ -181,7 +184,7 @@ class Scene:
         import rerun as rr
 
         lines = [
-            f"trial {it.trial.number}: {gait_text(it.trial.gait)}: {_result(it.logged)} ({it.logged.suggestion.origin})"
+            f"{it.trial.number}: {_result(it.logged)}, {_gait_text(it.trial.gait)} ({it.logged.suggestion.origin})"
             for it in placed
         ]
         levels = ["INFO" if it.logged.score is not None else "WARN" for it in placed]
@@ -201,7 +204,11 @@ class Scene:
             self._recording.send_columns(path, indexes, columns)
 
 
-def gait_text(gait: Gait) -> str:
+def _points(series: Iterable[tuple[float, Sequence[float]]], motor: int) -> list[tuple[float, float]]:
+    return [(t_s, values[motor]) for t_s, values in series if motor < len(values)]
+
+
+def _gait_text(gait: Gait) -> str:
     """Return the frequencies of a gait for people to read."""
     return " / ".join(f"{frequency:.1f}" for frequency in gait.frequency_hz) + " Hz"
 
@@ -217,7 +224,7 @@ def result_text(trials: Sequence[LoggedTrial]) -> str:
     best, luckiest = recommended[-1], max(measured, key=lambda logged: logged.score or 0.0)
     estimate = best.estimate
     return (
-        f"### Best gait: {gait_text(best.gait)}\n\n"
+        f"### Best gait: {_gait_text(best.gait)}\n\n"
         f"**{1000 * estimate.mean:.1f} mm/s** (posterior mean), "
         f"95 % interval {1000 * estimate.low:.1f} to {1000 * estimate.high:.1f} mm/s\n\n"
         f"{len(trials)} trials: {counts}\n\n"
@@ -231,38 +238,43 @@ def _result(logged: LoggedTrial) -> str:
     return f"{1000 * logged.score:.1f} mm/s"
 
 
-def _send_styles(recording: rr.RecordingStream, structure: Structure | None) -> None:
+def _send_world_styles(recording: rr.RecordingStream, structure: Structure | None) -> None:
     import rerun as rr
 
     recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    recording.log("world/robot/centre", rr.Points3D.from_fields(colors=TRAIL, radii=0.003), static=True)
-    recording.log("world/label", rr.Points3D.from_fields(colors=TRAIL, radii=0.0, show_labels=True), static=True)
-    recording.log("world/trail", rr.LineStrips3D.from_fields(colors=TRAIL, radii=0.001), static=True)
+    recording.log("world/robot/centre", rr.Points3D.from_fields(colors=_TRAIL, radii=0.003), static=True)
+    recording.log("world/label", rr.Points3D.from_fields(colors=_TRAIL, radii=0.0, show_labels=True), static=True)
+    recording.log("world/trail", rr.LineStrips3D.from_fields(colors=_TRAIL, radii=0.001), static=True)
     if structure is not None:
-        driven = {strut: motor_colour(motor) for motor, strut in enumerate(structure.motor_struts)}
-        colours = [driven.get(strut, STRUT) for strut in range(len(structure.struts))]
+        driven = {strut: _motor_colour(motor) for motor, strut in enumerate(structure.motor_struts)}
+        colours = [driven.get(strut, _STRUT) for strut in range(len(structure.struts))]
         recording.log("world/robot/struts", rr.LineStrips3D.from_fields(colors=colours, radii=0.003), static=True)
-        recording.log("world/robot/springs", rr.LineStrips3D.from_fields(colors=SPRING, radii=0.0007), static=True)
+        recording.log("world/robot/springs", rr.LineStrips3D.from_fields(colors=_SPRING, radii=0.0007), static=True)
+
+
+def _send_speed_styles(recording: rr.RecordingStream) -> None:
+    import rerun as rr
+
     for path, name, colour, width in (
-        ("best_measured", "best measured so far", TRAIL, 1.0),
-        ("best_gait/mean", "best gait: posterior mean", MEAN, 3.0),
-        ("best_gait/low", "95 % low", INTERVAL, 1.5),
-        ("best_gait/high", "95 % high", INTERVAL, 1.5),
+        ("best_measured", "best measured so far", _TRAIL, 1.0),
+        ("best_gait/mean", "best gait: posterior mean", _MEAN, 3.0),
+        ("best_gait/low", "95 % low", _INTERVAL, 1.5),
+        ("best_gait/high", "95 % high", _INTERVAL, 1.5),
     ):
         recording.log(f"speed/{path}", rr.SeriesLines(colors=colour, names=name, widths=width), static=True)
-    points = rr.SeriesPoints(colors=MEASURED, names="measured", markers="circle", marker_sizes=3.0)
+    points = rr.SeriesPoints(colors=_MEASURED, names="measured", markers="circle", marker_sizes=3.0)
     recording.log("speed/measured", points, static=True)
 
 
-def motor_colour(motor: int) -> Colour:
+def _motor_colour(motor: int) -> _Colour:
     """Return the colour of a motor, counted from 0: of its strut and of its curves."""
-    return MOTORS[motor % len(MOTORS)]
+    return _MOTORS[motor % len(_MOTORS)]
 
 
 def _send_motor_style(recording: rr.RecordingStream, motor: int) -> None:
     import rerun as rr
 
-    colour = motor_colour(motor)
+    colour = _motor_colour(motor)
     faint = tuple(part // 2 for part in colour)
     for name, shade, width in (("commanded", faint, 3.0), ("applied", colour, 1.5)):
         style = rr.SeriesLines(colors=shade, names=f"motor {motor + 1} {name}", widths=width)
@@ -278,15 +290,15 @@ def _send_ground(recording: rr.RecordingStream, terrain: Terrain) -> None:
     corner = np.arange(x.size * y.size).reshape(x.size, y.size)
     a, b, c, d = corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]
     triangles = np.concatenate([np.stack(each, axis=-1).reshape(-1, 3) for each in ((a, b, c), (a, c, d))])
-    mesh = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=GROUND)
+    mesh = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=_GROUND)
     recording.log("world/ground", mesh, static=True)
     across = [_line(at, x, y, height) for at in _ticks(x)]
     along = [_line(at, y, x, height.T)[:, [1, 0, 2]] for at in _ticks(y)]
-    recording.log("world/ground/lines", rr.LineStrips3D([*across, *along], colors=LINES, radii=0.0003), static=True)
+    recording.log("world/ground/lines", rr.LineStrips3D([*across, *along], colors=_LINES, radii=0.0003), static=True)
     front_m = max(y[0], -2 * _GRID_M)
     marks = np.array([(line[0, 0], front_m, np.interp(front_m, y, line[:, 2])) for line in across[::2]]).reshape(-1, 3)
     labels = [f"{1000 * at:.0f} mm" for at in marks[:, 0]]
-    scale = rr.Points3D(marks, labels=labels, colors=LINES, radii=0.001, show_labels=True)
+    scale = rr.Points3D(marks, labels=labels, colors=_LINES, radii=0.001, show_labels=True)
     recording.log("world/ground/scale", scale, static=True)
 
 

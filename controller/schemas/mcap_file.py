@@ -75,6 +75,8 @@ def lock(file: IO[bytes] | FileIO, path: Path) -> None:
         fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         raise UserError(f"{path} is being written by another process: let it end, or stop it first") from error
+    except OSError:
+        pass  # a file system without locks; the log itself needs none
 
 
 def sync_folder(path: Path) -> None:

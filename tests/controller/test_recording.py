@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 import re
 import resource
 import signal
@@ -9,6 +10,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from hypothesis import HealthCheck, given, settings
@@ -16,6 +18,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from sample_run import SOURCE, STRUCTURE, logged_trial, sample_run
+from scipy.spatial.transform import Rotation
 
 from controller.interface import UserError
 from controller.recording import LOG_NAME, LoggedTrial, Run, RunLog, read_run
@@ -166,12 +169,14 @@ def test_the_compiled_schema_is_that_of_the_proto_file() -> None:
     assert written == compiled
 
 
-@pytest.mark.parametrize("angle", ["yaw_rad", "pitch_rad", "roll_rad"])
-def test_the_quaternion_turns_by_the_pose_s_angles(angle: str) -> None:
-    x, y, z, w = codec.quaternion(Pose(0.0, (0.0, 0.0, 0.0), **{angle: 1.0}))
-    axis = {"yaw_rad": z, "pitch_rad": y, "roll_rad": x}[angle]
-    assert (axis, w) == pytest.approx((0.479425538604203, 0.8775825618903728))
-    assert x * x + y * y + z * z + w * w == pytest.approx(1)
+angles = st.floats(-3.0, 3.0)
+
+
+@given(angles, angles, angles)
+def test_the_quaternion_turns_by_yaw_then_pitch_then_roll(yaw: float, pitch: float, roll: float) -> None:
+    ours = codec.quaternion(Pose(0.0, (0.0, 0.0, 0.0), yaw, pitch, roll))
+    reference = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()
+    assert ours == pytest.approx(tuple(math.copysign(1.0, np.dot(ours, reference)) * reference))
 
 
 def test_trials_that_ran_faster_than_real_time_do_not_overlap_in_the_log(tmp_path: Path) -> None:

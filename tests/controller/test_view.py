@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 import signal
 import subprocess
 import sys
@@ -92,6 +93,14 @@ def test_the_robot_is_drawn_at_every_pose(tmp_path: Path) -> None:
         "trial 2: tracking lost: no pose for 0.3 s: is the tag in view?"
     ]
     assert len(column(found["/world/ground"], "vertex_positions")[0]) == 41 * 2
+
+
+def test_a_robot_without_markers_is_an_arrow(tmp_path: Path) -> None:
+    (trial,) = sample_run(trials=1).trials
+    turned = Pose(0.0, (0.1, 0.2, 0.0), yaw_rad=math.pi / 2)
+    found = saved(tmp_path, Run(STRUCTURE, (), (replace(trial, trial=replace(trial.trial, poses=(turned,))),)))
+    assert column(found["/world/robot/heading"], "vectors") == [[pytest.approx([0.0, 0.06, 0.0])]]
+    assert column(found["/world/robot/heading"], "origins") == [[pytest.approx([0.1, 0.2, 0.0])]]
 
 
 def test_commanded_and_applied_frequencies_are_apart_and_end_with_each_trial(tmp_path: Path) -> None:
