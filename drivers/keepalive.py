@@ -19,7 +19,7 @@ from controller.interface import DeviceError, DeviceFault, DeviceTimeout, LinkLo
 from controller.types import Gait, MotorState, Quantity
 
 WATCHDOG = "watchdog"  # code of the DeviceFault of a device that stopped its motors for want of commands
-_RETRY_S = 0.2
+_RETRY_S, _LOOK_S = 0.2, 0.002
 _PRIORITY = 10
 
 
@@ -155,13 +155,25 @@ class HeldMotors:
         return self._line.state()
 
     def stop(self) -> None:
-        """Stop all motors now. Idempotent. Raises LinkLost if the device cannot be told."""
+        """Stop all motors now, and wait for the device's next word. Idempotent.
+
+        Raises:
+            DeviceError: the device cannot be told, has had a fault meanwhile, or says nothing any more.
+        """
         with self._sending:
             self._gait = None
+            if self._closing.is_set():
+                return
             if isinstance(self._problem, LinkLost):
                 raise self._problem
-            if not self._closing.is_set():
-                self._rest()
+            self._rest()
+        # What went wrong since the runner last looked must not be missed at the end of a trial.
+        told_s = time.monotonic()
+        while self._line.heard_s <= told_s:
+            self._raise_problem()
+            self._check_heard(time.monotonic())
+            time.sleep(_LOOK_S)
+        self._raise_problem()
 
     def ready(self, patience_s: float = 0.0) -> None:
         """Make the motors ready for a trial: after any fault, open the line afresh. For use between trials only.
@@ -196,8 +208,8 @@ class HeldMotors:
 
     def _shut(self) -> None:
         """Stop the motors and close the line; a lost line only lets the device's watchdog do the first."""
-        with suppress(DeviceError):
-            self.stop()
+        with suppress(LinkLost), self._sending:
+            self._rest()
         self._closing.set()
         self._thread.join()
         self._line.close()
