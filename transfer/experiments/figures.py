@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from transfer.experiments.findings import MethodFindings, PairFindings, Runs
+from transfer.experiments.findings import MethodFindings, PairFindings, Runs, plain_level_m_s
 from transfer.experiments.statistics import Array, mean_interval
 from transfer.experiments.surfaces import Surfaces
 from transfer.methods import METHODS
@@ -71,7 +71,7 @@ def true_speed(found: PairFindings) -> Figure:
 
 def best_so_far(found: PairFindings) -> Figure:
     """Draw the best observed speed so far against trial, as the thesis does, each method beside Plain-BO."""
-    level_mm_s = 1000.0 * float(found.plain.runs.best_m_s[:, :, -1].mean())
+    level_mm_s = 1000.0 * plain_level_m_s(found.plain.runs)
 
     def draw(axes: Axes, runs: Runs, shade: str) -> None:
         _banded(axes, range(1, found.checkpoints[-1] + 1), runs.best_m_s.mean(axis=1), shade)
@@ -102,7 +102,7 @@ def learned(found: Surfaces, pair: PairFindings) -> Figure:
             mesh = axes.pcolormesh(*both_hz, 1000.0 * layer, vmin=low, vmax=high, shading="gouraud")
             first, second = cut.motors
             axes.plot([found.best_hz[first]], [found.best_hz[second]], "*", color="white", markersize=13.0,
-                      markeredgecolor="black")  # fmt: skip
+                      markeredgecolor="black", clip_on=False)  # fmt: skip
             (third,) = {0, 1, 2} - set(cut.motors)
             how = f"at {cut.held_hz:.1f} Hz" if cut.held_hz else "off"
             axes.set_title(f"motor {third + 1} {how}", fontsize=9)

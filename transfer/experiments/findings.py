@@ -61,7 +61,7 @@ class MethodFindings:
         against_plain: of the true speed, at each checkpoint.
         p_holm: p of each of them, corrected for the number of methods.
         best_against_plain: of the best observed score at the end: the thesis' measure.
-        trials_to_plain_level: see ``statistics.trials_to_level``; the level is Plain-BO's mean final best score.
+        trials_to_plain_level: see ``statistics.trials_to_level``; the level is ``plain_level_m_s``.
     """
 
     runs: Runs
@@ -151,7 +151,7 @@ def _complete_repeats(store: Store, pair: Pair, methods: Sequence[str]) -> list[
 
 def _compared(runs: Mapping[str, Runs], random: np.random.Generator) -> dict[str, MethodFindings]:
     plain = runs["plain"]
-    level = float(plain.best_m_s[:, :, -1].mean())
+    level = plain_level_m_s(plain)
     columns = range(plain.true_m_s.shape[2])
     true = {
         name: tuple(compare(_per_repeat(it.true_m_s[:, :, i]), plain.true_m_s[:, :, i], random) for i in columns)
@@ -169,6 +169,11 @@ def _compared(runs: Mapping[str, Runs], random: np.random.Generator) -> dict[str
         )
         for name, it in runs.items()
     }
+
+
+def plain_level_m_s(plain: Runs) -> float:
+    """Return what Plain-BO ends at: the best observed score of its median run."""
+    return float(np.median(plain.best_m_s[:, :, -1]))
 
 
 def _per_repeat(values: Array) -> Array:

@@ -19,6 +19,8 @@ from transfer.methods import METHODS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_FEWEST_REPEATS = 6  # two-sided, Wilcoxon's test of five can say no less than 0.06
+
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 1150px; margin: 2rem auto; padding: 0 1rem; }
 h1, h2, h3 { line-height: 1.2; } h2 { margin-top: 3rem; border-top: 1px solid #ccc; padding-top: 1rem; }
@@ -83,7 +85,7 @@ def markdown(found: Sequence[PairFindings]) -> str:
     """Return all tables in Markdown, for a document."""
     parts = [tables.markdown(tables.beside_thesis(found))]
     for it in found:
-        parts.append(f"### {_title(it)}\n\n{it.repeats} repeats of {it.checkpoints[-1]} trials. {it.pair.why}")
+        parts.append(f"### {_title(it)}\n\n{_repeats(it)} of {it.checkpoints[-1]} trials. {it.pair.why}")
         parts += [tables.markdown(tables.true_speeds(it)), tables.markdown(tables.verdicts(it))]
     return "\n\n".join(parts)
 
@@ -112,20 +114,24 @@ def _section(store: Store, it: PairFindings, folder: Path) -> str:
     return "\n".join([
         f"<h2 id='{escape(pair.key)}'>{escape(_title(it))}</h2>",
         f"<p>{escape(pair.why)} Source: {escape(pair.source.title)}{inverted}. Target: {escape(pair.target.title)}. "
-        f"{it.repeats} repeats of {it.checkpoints[-1]} trials.</p>",
+        f"{_repeats(it)} of {it.checkpoints[-1]} trials.</p>",
         f"<p class='key'>{escape(_in_words(it))}</p>",
         _figure(figures.true_speed(it), folder / f"{pair.key}-true-speed.png",
                 "True mean speed of the recommended gait against trial, with the 95 % band of the mean over repeats. "
                 "Grey: Plain-BO."),
         _table(tables.true_speeds(it)),
         _figure(figures.best_so_far(it), folder / f"{pair.key}-best-so-far.png",
-                "Best observed speed so far, as the thesis plots it. Dotted: Plain-BO's final level; the triangle is "
-                "where the median run of the method reaches it."),
+                "Best observed speed so far, as the thesis plots it. Dotted: where Plain-BO's median run ends; the "
+                "triangle is where the method's median run gets there."),
         _table(tables.verdicts(it)),
         _figure(figures.learned(learned, it), folder / f"{pair.key}-learned.png",
                 "What the runs have learned, source and target side by side: expected speed over two motors, the "
                 "third as given. The star marks the gait expected to be the target's fastest, on both."),
     ])  # fmt: skip
+
+
+def _repeats(it: PairFindings) -> str:
+    return f"{it.repeats} repeat{'s' * (it.repeats > 1)}"
 
 
 def _title(it: PairFindings) -> str:
@@ -138,12 +144,14 @@ def _in_words(it: PairFindings) -> str:
     name = next((name for name in ("guarded", "efficient") if name in it.methods), None)
     if name is None:
         return f"Plain-BO ends at a true speed of {1000.0 * it.plain.runs.mean_true_m_s[-1]:.1f} mm/s."
+    if it.repeats < _FEWEST_REPEATS:
+        return (
+            f"{_repeats(it)}: too few to tell chance from anything else; {_FEWEST_REPEATS} are the least for p < 0.05."
+        )
     sentences = []
     for checkpoint, comparison in zip(it.checkpoints[-3:], it.methods[name].against_plain[-3:], strict=True):
         interval = comparison.interval_percent
-        verdict = "no difference shown" if interval.low <= 0.0 <= interval.high else (
-            "faster" if interval.low > 0.0 else "slower"
-        )  # fmt: skip
+        verdict = "faster" if interval.low > 0.0 else "slower" if interval.high < 0.0 else "no difference shown"
         sentences.append(f"after {checkpoint} trials {tables.gain(comparison)} ({verdict})")
     return f"True speed of {name} against Plain-BO: {'; '.join(sentences)}."
 

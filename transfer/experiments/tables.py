@@ -52,7 +52,7 @@ def verdicts(found: PairFindings) -> Table:
         "chance that Plain-BO against itself gains as much",
         "gain in best observed speed",
         "the same chance for it",
-        "trials to Plain-BO's final best observed",
+        "trials to Plain-BO's final level",
         "intervals that hold the true speed",
     )
     return Table("At the end of the budget", columns, tuple(rows))
