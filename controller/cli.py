@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
+import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -21,9 +22,11 @@ MODULES = {"import": "import_trials"}  # a module cannot be called by a keyword
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
     interrupt_on_signals()
+    # Before numpy is imported: at these sizes its threads gain nothing, and their number would change the last bits.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     parsed = _parser().parse_args(arguments)
     try:
-        answer = parsed.execute(parsed)
+        return _print(parsed.execute(parsed), as_json=parsed.json)
     except KeyboardInterrupt as interrupt:
         return _fail(f"interrupted ({interrupt})" if str(interrupt) else "interrupted", 130)
     except (UserError, DeviceError, TrackingLost) as error:
@@ -35,7 +38,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
     except Exception as error:  # the last boundary: a defect of ours, told in one line
         return _fail(_defect(error, show_traceback=parsed.debug), 1)
-    return _print(answer, as_json=parsed.json)
 
 
 def _parser() -> argparse.ArgumentParser:
