@@ -86,4 +86,4 @@ def _expected_m_s(space: GaitSpace, runs: Sequence[Result], x: Array) -> Array:
     tried = places(space, [Gait(step.gait_hz) for step in steps])
     trials = Trials(tried, np.array([step.score_m_s for step in steps]))
     belief = learned_alone(space, trials, None, stream(0, 0, "surfaces"))
-    return np.asarray(belief.scale.centre + belief.scale.spread * belief.posterior.predict(x)[0])
+    return np.array([estimate.mean for estimate in belief.estimates(x)])

@@ -30,8 +30,6 @@ def processes(jobs: int) -> Iterator[Executor]:
 def _prepare() -> None:
     # Ctrl-C reaches all processes of a terminal; the first one decides what becomes of the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # A library's own threads would take the cores from the other processes, and change the last digit of a sum.
-    os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
