@@ -13,7 +13,7 @@ from .core import ACCELEROMETER, BOARD_TEMPERATURE, CURRENT, MOTOR_TEMPERATURE, 
 MAX_MHZ = 16700
 NO_LOAD_MHZ = 20000  # at the full supply, with nothing on the shaft
 RAMP_MHZ_S = 100000
-COUNTS_PER_TURN = 7  # rising edges of encoder channel A in one turn of the shaft
+COUNTS_PER_TURN = 12  # rising edges of encoder channel A in one turn of the shaft
 
 _MOTORS = (  # ENABLE and PHASE of the bridge, A and B of the encoder, thermistor
     (6, 7, 16, 17, 26),

@@ -5,7 +5,7 @@ Runs under MicroPython and CPython. Not needed on a real board.
 
 from .core import UNKNOWN
 
-COUNTS_PER_TURN = 7
+COUNTS_PER_TURN = 12
 _LAG_US = 50000  # of the frequency behind the supply
 _LOAD = 0.1  # share of the no-load frequency that the load takes away
 _STALL_MA = 600.0
