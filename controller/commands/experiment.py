@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("experiment", help="1, 2, 3, controls or all; or one of 1b, 2-friction, unrelated, inverted")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR",
-                        help="where the results go; a campaign that was interrupted there goes on")  # fmt: skip
+    parser.add_argument("--out", type=Path, metavar="DIR",
+                        help="results; an interrupted campaign goes on there (default below runs/)")  # fmt: skip
     group = parser.add_argument_group("what is done")
     group.add_argument("--robot", choices=("planar", "spatial"), default="planar", help="the twin (default planar)")
     group.add_argument(
@@ -63,14 +63,15 @@ def _execute(arguments: Namespace) -> Answer:
         starts=arguments.starts,
         most_trials=arguments.trials,
     )
+    out = arguments.out or Path("runs") / f"experiments-{arguments.robot}{'-signed' * arguments.signed}"
     with cluster(arguments.scheduler) if arguments.scheduler else processes(arguments.jobs) as executor:
-        store = Store.begin(arguments.out, settings)
+        store = Store.begin(out, settings)
         try:
             run_campaign(store, pairs, arguments.repeats, methods, executor, _progress)
         except KeyboardInterrupt:
             raise KeyboardInterrupt("what is done is saved: the same command goes on with it") from None
     found = findings(store, pairs)
-    return Answer(_prose(found, arguments.out), {"experiments": as_json(found), "out": str(arguments.out)})
+    return Answer(_prose(found, out), {"experiments": as_json(found), "out": str(out)})
 
 
 def _progress(units: Iterable[Any], total: int) -> Iterable[Any]:
