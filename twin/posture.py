@@ -24,14 +24,15 @@ def nodes_of(posture: Array, halves_m: Array) -> Array:
     return np.stack([posture[:, :3] + reach_m, posture[:, :3] - reach_m], axis=1).reshape(-1, 3)
 
 
-def turned(posture: Array, yaw_rad: float, pitch_rad: float, about_m: Array) -> Array:
-    """Return the posture pitched, then yawed, about a point of shape (3,). A positive pitch takes z towards x."""
-    w, x = cos(yaw_rad / 2.0) * cos(pitch_rad / 2.0), -sin(yaw_rad / 2.0) * sin(pitch_rad / 2.0)
-    y, z = cos(yaw_rad / 2.0) * sin(pitch_rad / 2.0), sin(yaw_rad / 2.0) * cos(pitch_rad / 2.0)
+def turned(posture: Array, angles_rad: Angles, about_m: Array) -> Array:
+    """Return the posture turned by yaw, pitch and roll (intrinsic z-y'-x'') about a point of shape (3,)."""
+    (cy, sy), (cp, sp), (cr, sr) = ((cos(angle / 2.0), sin(angle / 2.0)) for angle in angles_rad)
+    w, x = cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr
+    y, z = cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr
     product = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
-    upright = np.array([[cos(pitch_rad), 0.0, sin(pitch_rad)], [0.0, 1.0, 0.0], [-sin(pitch_rad), 0.0, cos(pitch_rad)]])
-    heading = np.array([[cos(yaw_rad), -sin(yaw_rad), 0.0], [sin(yaw_rad), cos(yaw_rad), 0.0], [0.0, 0.0, 1.0]])
-    middles_m = about_m + (posture[:, :3] - about_m) @ (heading @ upright).T
+    conjugate = np.array([[w, x, y, z], [-x, w, -z, y], [-y, z, w, -x], [-z, -y, x, w]])
+    rotation = (product @ conjugate)[1:, 1:]
+    middles_m = about_m + (posture[:, :3] - about_m) @ rotation.T
     return np.hstack([middles_m, posture[:, 3:] @ product.T])
 
 

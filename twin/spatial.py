@@ -13,7 +13,7 @@ from controller.interface import DeviceFault
 from controller.types import Gait
 from twin.body import Body, ConstantForce, EccentricForce, ForceLaw, Parts
 from twin.engine import LEVEL, Diverged, Start
-from twin.posture import best_rotation, continued_angles, nodes_of, turned
+from twin.posture import Angles, best_rotation, continued_angles, nodes_of, turned
 from twin.rotors import Rotors
 from twin.spatial_model import HILLS_HALF_WIDTH_M, compiled
 from twin.world import Flat, Hills, World
@@ -45,6 +45,7 @@ SPATIAL_PARTS = Parts(
 
 TIME_STEP_S = 0.0005
 SETTLING_S = 3.0
+FOOT_M = 0.03  # from the middle to where the robot stands
 FASTEST_M_S = 20.0  # of a strut's middle; in strong gaits about 1
 
 
@@ -71,9 +72,9 @@ class SpatialEngine:
 
     def reset(self, start: Start = LEVEL) -> None:
         """See ``Engine``."""
-        self._motion.begin(self._put_down(start))
+        posture, self._angles_rad = self._put_down(start)
+        self._motion.begin(posture)
         self._rotors = Rotors(self.body.motors, self.time_step_s)
-        self._angles_rad = (start.yaw_rad, start.pitch_rad, 0.0)
         self._due_s = 0.0
         self._steps = 0
 
@@ -120,15 +121,16 @@ class SpatialEngine:
         torques_n_m = math.tau * spin_up_hz_s * [motor.rotor_kg_m2 for motor in self.body.motors]
         return np.stack([forces_n.real, forces_n.imag, torques_n_m], axis=2).reshape(steps, -1)
 
-    def _put_down(self, start: Start) -> Array:
-        """Return the settled posture at ``start``, with its lowest node as near to the ground as on level ground."""
+    def _put_down(self, start: Start) -> tuple[Array, Angles]:
+        """Return the settled posture at ``start``, lying on the ground, and the angles that it is turned by."""
+        angles_rad = _lying(self.world, start)
         centre_m = self.body.centre_m(self._settled_nodes_m)
-        placed = turned(self._settled, start.yaw_rad, start.pitch_rad, centre_m)
+        placed = turned(self._settled, angles_rad, centre_m)
         placed[:, :2] += [start.x_m - centre_m[0], start.y_m - centre_m[1]]
         nodes_m = nodes_of(placed, self._halves_m)
         gap_m = np.min(nodes_m[:, 2] - self.world.height_m(nodes_m[:, 0], nodes_m[:, 1]))
         placed[:, 2] += self._settled_nodes_m[:, 2].min() - gap_m
-        return placed
+        return placed, angles_rad
 
     def _check_place(self) -> None:
         farthest_m = np.abs(self._motion.posture()[:, :2]).max()
@@ -178,6 +180,18 @@ class _Motion:
         if abs(self._state[0] - time_s) > 1e-6:
             # MuJoCo stops at a state it does not like and keeps it, which would pass for a robot that rests.
             raise Diverged(f"the spatial twin broke down at {self._state[0]:.3f} s: MuJoCo went no further")
+
+
+def _lying(world: World, start: Start) -> Angles:
+    """Return yaw, pitch and roll of a robot that lies along the ground at ``start``, but for the start's own tilt."""
+    # Points ahead, behind, to the left and to the right, about where the feet are.
+    around = start.yaw_rad + np.array([0.0, math.pi, math.pi / 2.0, -math.pi / 2.0])
+    ahead, behind, left, right = world.height_m(
+        start.x_m + FOOT_M * np.cos(around), start.y_m + FOOT_M * np.sin(around)
+    ).tolist()
+    pitch_rad = math.atan2(behind - ahead, 2.0 * FOOT_M)
+    roll_rad = math.atan2((left - right) * math.cos(pitch_rad), 2.0 * FOOT_M)
+    return start.yaw_rad, start.pitch_rad + pitch_rad, roll_rad
 
 
 @lru_cache(maxsize=64)
