@@ -9,49 +9,42 @@ from functools import partial
 from queue import SimpleQueue
 from typing import TypeVar
 
-Robot = TypeVar("Robot")
+from twin.robot import TwinRobot
+from twin.spatial import SpatialEngine
+
 Result = TypeVar("Result")
+Task = Callable[[TwinRobot], Result]
 
 CHUNKS_PER_PROCESS = 8
 
 
-def run_all(
-    make_robot: Callable[[], Robot],
-    tasks: Sequence[Callable[[Robot], Result]],
-    jobs: int = 1,
-    threads: bool = False,
-) -> Iterator[Result]:
+def run_all(make_robot: Callable[[], TwinRobot], tasks: Sequence[Task[Result]], jobs: int = 1) -> Iterator[Result]:
     """Run each task alone with a robot, ``jobs`` of them at a time, and yield the results in order.
 
-    Every task finds its robot as ``place`` puts it down, so the results do not depend on ``jobs`` or ``threads``.
+    Every task finds its robot as ``place`` puts it down, so the results do not depend on ``jobs``. The spatial twin runs
+    over threads: MuJoCo leaves Python alone for all the steps between two commands, and nothing has to be started or
+    sent about. Threads of the planar twin, whose every step is a call from Python, would only wait for each other.
 
     Args:
-        make_robot: makes a robot. For processes it must be picklable, and so must tasks and results.
+        make_robot: makes a robot. For the planar twin it must be picklable, and so must tasks and results.
         tasks: what to do with a robot: place it, and drive it.
-        jobs: how many at a time.
-        threads: over threads instead of processes. Right for the spatial twin: MuJoCo leaves Python alone for all the
-            steps between two commands, and nothing has to be started or sent about. Threads of the planar twin, whose
-            every step is a call from Python, would only wait for each other.
+        jobs: how many threads or processes.
     """
+    robot = make_robot()
     if jobs == 1:
-        yield from _one_by_one(make_robot, tasks)
-    elif threads:
-        yield from _over_threads([make_robot() for _ in range(jobs)], tasks)
+        yield from (task(robot) for task in tasks)
+    elif isinstance(robot.engine, SpatialEngine):
+        yield from _over_threads([robot, *(make_robot() for _ in range(jobs - 1))], tasks)
     else:
         yield from _over_processes(make_robot, tasks, jobs)
 
 
-def _one_by_one(make_robot: Callable[[], Robot], tasks: Sequence[Callable[[Robot], Result]]) -> Iterator[Result]:
-    robot = make_robot()
-    return (task(robot) for task in tasks)
-
-
-def _over_threads(robots: Sequence[Robot], tasks: Sequence[Callable[[Robot], Result]]) -> Iterator[Result]:
-    free: SimpleQueue[Robot] = SimpleQueue()
+def _over_threads(robots: Sequence[TwinRobot], tasks: Sequence[Task[Result]]) -> Iterator[Result]:
+    free: SimpleQueue[TwinRobot] = SimpleQueue()
     for robot in robots:
         free.put(robot)
 
-    def run(task: Callable[[Robot], Result]) -> Result:
+    def run(task: Task[Result]) -> Result:
         robot = free.get()
         try:
             return task(robot)
@@ -62,15 +55,14 @@ def _over_threads(robots: Sequence[Robot], tasks: Sequence[Callable[[Robot], Res
         yield from pool.map(run, tasks)
 
 
-def _over_processes(
-    make_robot: Callable[[], Robot], tasks: Sequence[Callable[[Robot], Result]], jobs: int
-) -> Iterator[Result]:
+def _over_processes(make_robot: Callable[[], TwinRobot], tasks: Sequence[Task[Result]], jobs: int) -> Iterator[Result]:
     size = max(1, len(tasks) // (CHUNKS_PER_PROCESS * jobs))
     chunks = [tasks[first : first + size] for first in range(0, len(tasks), size)]
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        for results in pool.map(partial(_chunk, make_robot), chunks):
+        for results in pool.map(partial(_one_by_one, make_robot), chunks):
             yield from results
 
 
-def _chunk(make_robot: Callable[[], Robot], tasks: Sequence[Callable[[Robot], Result]]) -> list[Result]:
-    return list(_one_by_one(make_robot, tasks))
+def _one_by_one(make_robot: Callable[[], TwinRobot], tasks: Sequence[Task[Result]]) -> list[Result]:
+    robot = make_robot()
+    return [task(robot) for task in tasks]

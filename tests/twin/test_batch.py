@@ -23,23 +23,22 @@ def refuse(robot):
     raise ValueError("no such gait")
 
 
-@pytest.mark.parametrize(
-    ("make_robot", "threads"), [(spatial_robot, True), (spatial_robot, False), (planar_robot, False)]
-)
-def test_many_at_once_give_the_numbers_of_one_by_one_bit_for_bit_and_in_order(make_robot, threads):
+@pytest.mark.parametrize("make_robot", [spatial_robot, planar_robot])
+def test_many_at_once_give_the_numbers_of_one_by_one_bit_for_bit_and_in_order(make_robot):
     make = partial(make_robot, seed=3)
 
     one_by_one = [task(make()) for task in TASKS]
 
     assert list(run_all(make, TASKS)) == one_by_one
-    assert list(run_all(make, TASKS, jobs=2, threads=threads)) == one_by_one
+    assert list(run_all(make, TASKS, jobs=2)) == one_by_one
 
 
-@pytest.mark.parametrize("threads", [True, False])
-def test_an_error_of_a_task_reaches_the_caller(threads):
+@pytest.mark.parametrize("make_robot", [spatial_robot, planar_robot])
+def test_an_error_of_a_task_reaches_the_caller(make_robot):
     with pytest.raises(ValueError, match="no such gait"):
-        list(run_all(planar_robot, [refuse, refuse], jobs=2, threads=threads))
+        list(run_all(make_robot, [refuse, refuse], jobs=2))
 
 
-def test_nothing_to_do_is_done():
-    assert list(run_all(planar_robot, [], jobs=2, threads=True)) == []
+@pytest.mark.parametrize("make_robot", [spatial_robot, planar_robot])
+def test_nothing_to_do_is_done(make_robot):
+    assert list(run_all(make_robot, [], jobs=2)) == []
