@@ -111,6 +111,12 @@ class GaussianProcess:
         inverse_root = np.linalg.inv(np.linalg.cholesky(covariance))
         return cls(observations, hyperparameters, inverse_root, inverse_root.T @ (inverse_root @ observations.y))
 
+    @property
+    def log_evidence(self) -> float:
+        """The log probability of the observed values under the hyperparameters, up to a constant of their number."""
+        misfit = float(self.observations.y @ self.weights)
+        return float(np.log(self.inverse_root.diagonal()).sum()) - 0.5 * misfit
+
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Return mean (m,) and variance (m,) of the function without noise at places (m, d)."""
         mean, variance = np.empty(len(x)), np.empty(len(x))
@@ -145,14 +151,6 @@ class GaussianProcess:
     def _variance(self, projected: Array) -> Array:
         signal = self.hyperparameters.signal_variance
         return np.asarray(np.maximum(signal - (projected**2).sum(axis=1), 1e-10 * signal))
-
-
-def log_evidence(observations: Observations, hyperparameters: Hyperparameters) -> float:
-    """Return the log probability of the observed values under the hyperparameters, up to a constant of their number."""
-    covariance, _ = _covariance(observations, hyperparameters, _squared_differences(observations.x))
-    root = np.linalg.cholesky(covariance)
-    misfit = observations.y @ np.linalg.solve(covariance, observations.y)
-    return -0.5 * float(misfit) - float(np.log(root.diagonal()).sum())
 
 
 def fit(observations: Observations, prior: Prior, starts: Iterable[Array]) -> GaussianProcess:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from controller.types import GaitSpace, Source
 from transfer.belief import Belief, Trials, refitted
 from transfer.earlier_run import EarlierRun, best_of_all, learned_from
-from transfer.gp import GaussianProcess, Observations, log_evidence
+from transfer.gp import GaussianProcess, Observations
 from transfer.proposal import Proposal, best_mean, expected_improvement
 from transfer.scale import Scale
 from transfer.search import Search
@@ -70,9 +70,9 @@ def learned_jointly(
     fitted = refitted(coupled(runs, trials, scale, correlations), last, len(trials), rng).hyperparameters
     for i in range(len(runs)):
         choices = [np.where(np.arange(len(runs)) == i, r, correlations) for r in CORRELATIONS]
-        evidence = [log_evidence(coupled(runs, trials, scale, choice), fitted) for choice in choices]
-        correlations = choices[int(np.argmax(evidence))]
-    process = GaussianProcess.conditioned(coupled(runs, trials, scale, correlations), fitted)
+        processes = [GaussianProcess.conditioned(coupled(runs, trials, scale, choice), fitted) for choice in choices]
+        best = int(np.argmax([process.log_evidence for process in processes]))
+        correlations, process = choices[best], processes[best]
     belief = replace(Belief.of(process, scale, space), seen=trials.x)
     learned = dict(zip(names, correlations.tolist(), strict=True))
     return replace(belief, hyperparameters={**belief.hyperparameters, **learned})

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from controller.interface import Optimizer
 from controller.types import GaitSpace, Source
 from transfer.efficient_bo import EfficientBO
+from transfer.guarded import Guarded
 from transfer.icm import ICM
 from transfer.optimistic import Optimistic
 from transfer.plain_bo import PlainBO
@@ -43,6 +44,11 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             "Efficient-BO as published: an earlier run's trials count as noisy trials of this one",
             uses_sources=True,
             make=EfficientBO,
+        ),
+        "guarded": Method(
+            "weighs what the sources are worth trial by trial: fast where they are alike, safe where not",
+            uses_sources=True,
+            make=Guarded,
         ),
         "warm": Method(
             "Plain-BO that begins with the sources' best gaits",

@@ -1,0 +1,152 @@
+"""Guarded transfer: fast where a source is like the target, and no worse than Plain-BO where it is not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.types import GaitSpace, Source
+from transfer.acquisition import Posterior
+from transfer.belief import Belief, Trials
+from transfer.earlier_run import EarlierRun, best_of_all, learned_from
+from transfer.gp import GaussianProcess, Observations, Prior, fit
+from transfer.icm import coupled
+from transfer.optimistic import raised
+from transfer.proposal import Proposal, best_mean, expected_improvement
+from transfer.scale import Scale
+from transfer.search import Search
+
+Array = NDArray[np.float64]
+
+WARM_TRIALS = 3
+OPTIMISM, PATIENCE = 1.0, 15.0
+"""How far the prior mean is raised at first, in standard deviations, and over how many trials that fades to 1/e."""
+
+DOUBT = 0.3
+"""The probability, before the first trial, that no source says anything about the target."""
+
+CORRELATIONS = {0.6: 0.5, 0.9: 0.4, -0.6: 0.1}
+"""How a source that does may be correlated with the target, and how probable that is before the first trial."""
+
+NEGLIGIBLE = 0.02
+"""Hypotheses less probable than this are left out of the predictions."""
+
+
+class Guarded(Search):
+    """Bayesian optimisation under several hypotheses of what the sources are worth, each with its probability.
+
+    One hypothesis is that no source says anything about the target; in the others one source, or all alike, are
+    correlated with it by a given number, as in ``icm.ICM``. The target's trials decide between them by Bayes' rule, and
+    predictions are those of the mixture: a source that is like the target is used from the first trial, one that is not
+    is dropped after a few, and the interval is wide while that is open.
+
+    - The first trials are the sources' best gaits: they are good, or they soon tell that the sources are not.
+    - The target's hyperparameters are expected to be about those of the sources, which have more trials.
+    - The target's scale takes the sources' scores into account, times the factor by which the target is faster: the
+      first trials are meant to be good ones all, and tell little of how scores spread.
+    - While a trial is chosen the prior mean of all tasks is raised, the less the more trials there are: what neither
+      the target's nor a source's trials tell of is worth a look, early on.
+
+    Args:
+        space: the gaits to search.
+        seed: of all that is random.
+        sources: one or more earlier runs.
+
+    Raises:
+        ValueError: there is no source, or one has another number of motors.
+    """
+
+    def __init__(self, space: GaitSpace, seed: int, sources: Sequence[Source]) -> None:
+        runs = learned_from(space, seed, sources)
+        warm = best_of_all(runs, WARM_TRIALS)
+
+        def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief | None:
+            return learned_with_doubt(space, runs, trials, last) if len(trials) else None
+
+        def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
+            if belief is None or len(trials) < len(warm):
+                return Proposal(warm[len(trials)], "best of source")
+            level = OPTIMISM * math.exp(-len(trials) / PATIENCE)
+            return expected_improvement(trials, optimistic(belief, level), rng, best_mean)
+
+        super().__init__(space, seed, learn, propose)
+
+
+@dataclass(frozen=True, slots=True)
+class Mixture:
+    """Posteriors of which one is right, with the probabilities of each: mean and variance of the mixture."""
+
+    posteriors: Sequence[Posterior]
+    weights: Array
+
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """See ``Posterior``."""
+        means, variances = map(np.array, zip(*(posterior.predict(x) for posterior in self.posteriors), strict=True))
+        mean = self.weights @ means
+        return mean, self.weights @ (variances + (means - mean) ** 2)
+
+    def predict_with_gradient(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """See ``Posterior``."""
+        parts = zip(*(posterior.predict_with_gradient(x) for posterior in self.posteriors), strict=True)
+        means, variances, mean_slopes, variance_slopes = map(np.array, parts)
+        mean, mean_slope = self.weights @ means, np.tensordot(self.weights, mean_slopes, 1)
+        away = means - mean
+        slopes = variance_slopes + 2.0 * away[:, :, None] * (mean_slopes - mean_slope)
+        return mean, self.weights @ (variances + away**2), mean_slope, np.tensordot(self.weights, slopes, 1)
+
+
+def learned_with_doubt(space: GaitSpace, runs: Sequence[EarlierRun], trials: Trials, last: Belief | None) -> Belief:
+    """Return what one or more trials of the target, and the sources as far as they can be trusted, say together."""
+    scale, prior = common_scale(runs, trials), prior_like(runs)
+    observations = Observations.alike(trials.x, scale.standardise(trials.scores))
+    alone = fit(observations, prior, [prior.mean] if last is None else [prior.mean, last.logs])
+    correlations, probable = hypotheses(len(runs))
+    processes = [
+        GaussianProcess.conditioned(coupled(runs, trials, scale, choice), alone.hyperparameters)
+        for choice in correlations
+    ]
+    evidence = np.array([process.log_evidence for process in processes])
+    weights = probable * np.exp(evidence - evidence.max())
+    weights /= weights.sum()
+    kept = np.flatnonzero(weights > NEGLIGIBLE)
+    posterior = Mixture([processes[i] for i in kept], weights[kept] / weights[kept].sum())
+    belief = Belief.of(alone, scale, space)
+    trust = {f"source_{i}_trust": float(weights[source != 0.0].sum()) for i, source in enumerate(correlations.T, 1)}
+    return replace(belief, posterior=posterior, hyperparameters={**belief.hyperparameters, **trust})
+
+
+def hypotheses(sources: int) -> tuple[Array, Array]:
+    """Return correlations with the target (hypotheses, sources), first all 0, and their prior probabilities."""
+    groups = np.eye(sources) if sources == 1 else np.vstack([np.eye(sources), np.ones(sources)])
+    choices = [(r * group, share / len(groups)) for group in groups for r, share in CORRELATIONS.items()]
+    correlations = np.array([np.zeros(sources), *(choice for choice, _ in choices)])
+    return correlations, np.array([DOUBT, *((1.0 - DOUBT) * share for _, share in choices)])
+
+
+def prior_like(runs: Sequence[EarlierRun]) -> Prior:
+    """Return the hyperparameters' prior, drawn half way to those of the sources, and half as wide."""
+    usual = Prior.of(runs[0].trials.x.shape[1])
+    found = np.mean([run.process.hyperparameters.logs for run in runs], axis=0)
+    return Prior(0.5 * (usual.mean + found), 0.5 * usual.sd)
+
+
+def common_scale(runs: Sequence[EarlierRun], trials: Trials) -> Scale:
+    """Return the scale of the target's scores and each source's, times a factor that makes up for its speed.
+
+    The factor is that of the target's scores to what the source predicts for the same gaits.
+    """
+    size = np.abs(trials.scores).sum()
+    scores = [run.trials.scores * (size / (np.abs(run.predicted(trials.x)).sum() or 1.0)) for run in runs]
+    return Scale.of(np.concatenate([trials.scores, *scores]))
+
+
+def optimistic(belief: Belief, level: float) -> Belief:
+    """Return the belief that would be held, had the prior mean of all tasks been ``level`` deviations higher."""
+    mixture = belief.posterior
+    assert isinstance(mixture, Mixture)
+    posteriors = [raised(replace(belief, posterior=posterior), level).posterior for posterior in mixture.posteriors]
+    return replace(belief, posterior=Mixture(posteriors, mixture.weights))
