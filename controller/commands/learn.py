@@ -67,8 +67,9 @@ def _execute(arguments: Namespace) -> Answer:
         raise KeyboardInterrupt(f"{interrupt}; the run is saved, go on by --resume {run.path}") from None
     finally:
         result = run.summarise()
-    recorded = not arguments.no_recording and _recorded(run)
-    return Answer(_prose(result, recorded), result)
+    if has_rerun() and not arguments.no_recording:
+        _save_recording(run.path)
+    return Answer(_prose(result), result)
 
 
 def _asked(arguments: Namespace) -> dict[str, Any]:
@@ -119,18 +120,14 @@ def _live_view(run: RunDirectory) -> LiveView:
     return view
 
 
-def _recorded(run: RunDirectory) -> bool:
-    """Leave a Rerun recording beside the log where Rerun is installed, and return whether it is."""
-    if not has_rerun():
-        return False
+def _save_recording(run: Path) -> None:
     from controller.showing import save_run
 
     print("making the Rerun recording", file=sys.stderr, flush=True)
-    save_run(run.path, run.path / "run.rrd")
-    return True
+    save_run(run, run / "run.rrd")
 
 
-def _prose(result: dict[str, Any], recorded: bool) -> str:
+def _prose(result: dict[str, Any]) -> str:
     best = result["recommended"]
     lines: Iterable[str] = (
         f"best gait  {' '.join(f'{frequency:.2f}' for frequency in best['gait_hz'])} Hz",
@@ -138,7 +135,7 @@ def _prose(result: dict[str, Any], recorded: bool) -> str:
         f"95 % interval {_mm_s(best['low_m_s'])} to {_mm_s(best['high_m_s'])} mm/s",
         f"trials     {result['trials']} ({', '.join(f'{count} {name}' for name, count in result['outcomes'].items())})",
         f"run        {result['run']}",
-        f"view it    vvvaltr view {result['run']}" + ("" if recorded else ' (needs pip install "vvvaltr[rerun]")'),
+        f"view it    vvvaltr view {result['run']}" + ("" if has_rerun() else ' (needs pip install "vvvaltr[rerun]")'),
     )
     return "\n".join(lines)
 
