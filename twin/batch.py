@@ -21,9 +21,9 @@ CHUNKS_PER_PROCESS = 8
 def run_all(make_robot: Callable[[], TwinRobot], tasks: Sequence[Task[Result]], jobs: int = 1) -> Iterator[Result]:
     """Run each task alone with a robot, ``jobs`` of them at a time, and yield the results in order.
 
-    Every task finds its robot as ``place`` puts it down, so the results do not depend on ``jobs``. The spatial twin runs
-    over threads: MuJoCo leaves Python alone for all the steps between two commands, and nothing has to be started or
-    sent about. Threads of the planar twin, whose every step is a call from Python, would only wait for each other.
+    Every task finds its robot as ``place`` puts it down, so the results do not depend on ``jobs``. The spatial twin
+    runs over threads: MuJoCo leaves Python alone for all the steps between two commands, and nothing has to be started
+    or sent about. Threads of the planar twin, whose every step is a call from Python, would only wait for each other.
 
     Args:
         make_robot: makes a robot. For the planar twin it must be picklable, and so must tasks and results.
