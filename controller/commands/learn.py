@@ -115,7 +115,7 @@ def _live_view(run: RunDirectory) -> LiveView:
     view = live_view(run)
     try:
         view.open_window()
-    except UserError:  # a robot's own computer has no screen; any other on this network tunnel may look
+    except UserError:  # a robot's own computer has no screen; another one looks through an ssh tunnel
         print(f"live at {view.url}: rerun --connect {view.url}", file=sys.stderr, flush=True)
     return view
 
