@@ -20,6 +20,10 @@ from controller.types import Gait, MotorState, Quantity
 
 WATCHDOG = "watchdog"  # code of the DeviceFault of a device that stopped its motors for want of commands
 _RETRY_S, _LOOK_S = 0.2, 0.002
+_LATE_S = 0.2  # between two set-points: less than any device's watchdog
+# A motor with a sensor is given time to start; one that has turned may not fall behind for longer than a moment.
+_START_S, _TURN_S = 0.5, 0.06
+_STARTED_SHARE, _STALLED_SHARE, _LEAST_HZ = 0.8, 0.4, 1.0
 _PRIORITY = 10
 
 
@@ -115,7 +119,7 @@ class HeldMotors:
         self._ramp = _Ramp(ramp_hz_s)
         self._sending = threading.Lock()
         self._gait: Gait | None = None
-        self._until_s = 0.0
+        self._until_s = self._told_s = 0.0
         self._problem: DeviceError | None = None
         self._open()
 
@@ -145,8 +149,10 @@ class HeldMotors:
         with self._sending:
             self._raise_problem()
             now_s = time.monotonic()
-            self._gait, self._until_s = gait, now_s + hold_s
-            self._line.send(self._ramp.towards(gait, now_s))
+            self._gait, self._until_s, self._told_s = gait, now_s + hold_s, now_s
+            step = self._ramp.towards(gait, now_s)
+            self._follow(step, now_s)
+            self._line.send(step)
 
     def state(self) -> MotorState:
         """Return what the device applies. Raises DeviceError for a fault, a lost line, or a device gone quiet."""
@@ -202,6 +208,7 @@ class HeldMotors:
         self._line = self._open_line()
         self._gait = None
         self._problem = None
+        self._followers = [_Follower(number) for number in range(1, self._line.motor_count + 1)]
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"motors on {self._line.name}", daemon=True)
         self._thread.start()
@@ -233,6 +240,7 @@ class HeldMotors:
                 listening_s = time.monotonic()
                 self._line.listen(deadline_s)
                 self._check_heard(listening_s)
+                self._check_turning()
             except LinkLost as error:
                 self._problem = error
                 return
@@ -243,17 +251,39 @@ class HeldMotors:
         """Repeat the set-point while it holds, else rest."""
         with self._sending:
             now_s = time.monotonic()
+            late_s, self._told_s = now_s - self._told_s, now_s
             if self._gait is None or now_s >= self._until_s:
                 self._rest()
+            elif late_s > _LATE_S:
+                raise DeviceTimeout(
+                    f"{self._line.name}: set-points were {late_s:.2f} s apart; is the computer too busy?"
+                )
             elif (step := self._ramp.towards(self._gait, now_s)) == self._gait:
                 self._line.repeat(step)
             else:
+                self._follow(step, now_s)
                 self._line.send(step)
 
     def _rest(self) -> None:
         self._gait = None
         self._ramp.restart()
+        self._follow(Gait((0.0,) * self.motor_count), time.monotonic())
         self._line.rest()
+
+    def _follow(self, step: Gait, now_s: float) -> None:
+        for follower, frequency_hz in zip(self._followers, step.frequency_hz, strict=True):
+            follower.want(frequency_hz, now_s)
+
+    def _check_turning(self) -> None:
+        state = self._line.state()
+        if state.measured:
+            for follower, frequency_hz in zip(self._followers, state.frequency_hz, strict=True):
+                if follower.has_stalled(frequency_hz, state.t_s):
+                    raise DeviceFault(
+                        "stall",
+                        f"{self._line.name}: motor {follower.number} of the line turns at {frequency_hz:.2g} "
+                        f"Hz instead of {follower.wanted_hz:g} Hz",
+                    )
 
     def _give_up(self, problem: DeviceError) -> None:
         """Keep the first problem, and rest until the line is opened afresh."""
@@ -294,3 +324,29 @@ class _Ramp:
         step = replace(gait, frequency_hz=due_hz)
         self._before = (now_s, step)
         return step
+
+
+class _Follower:
+    """Compares what a motor does with what it was told. Times as ``time.monotonic()`` counts."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self.wanted_hz = 0.0
+        self._told_s = self._turned_s = 0.0
+        self._has_started = False
+
+    def want(self, frequency_hz: float, now_s: float) -> None:
+        """Take note of a set-point; after one that is much greater the motor has time to start again."""
+        if abs(frequency_hz - self.wanted_hz) > _STALLED_SHARE * abs(frequency_hz):
+            self._has_started, self._told_s = False, now_s
+        self.wanted_hz = frequency_hz
+
+    def has_stalled(self, frequency_hz: float, t_s: float) -> bool:
+        """Return whether the motor, which turned so fast at ``t_s``, has not started in time, or fallen behind."""
+        if abs(self.wanted_hz) < _LEAST_HZ:
+            return False
+        share = frequency_hz / self.wanted_hz
+        if share > _STALLED_SHARE:
+            self._turned_s = t_s
+        self._has_started = self._has_started or share > _STARTED_SHARE
+        return t_s > (self._turned_s + _TURN_S if self._has_started else self._told_s + _START_S)

@@ -100,9 +100,6 @@ _GREETING_S = 1.0  # for all axes to be heard of, and to settle
 _SETTLE_S = 0.35  # three heartbeats: by then an axis has done as it was told, and said so
 _TELL_AGAIN_S = 0.2
 _CURRENT_PERIOD_S = 0.1
-# A motor is given half a second to start; one that has turned may not fall behind for longer than a few estimates.
-_START_S, _TURN_S = 0.5, 0.06
-_STARTED_SHARE, _STALL_SHARE, _STALL_FROM_HZ = 0.8, 0.4, 1.0
 
 
 def encode(node: int, message: Message, *values: float) -> Frame:
@@ -145,32 +142,6 @@ class _Axis:
     state: int = 0
     velocity_hz: float = 0.0
     current_a: float = math.nan
-    wanted_hz: float = 0.0
-    told_s: float = -math.inf  # when the wanted velocity last changed much
-    turned_s: float = -math.inf  # when the motor last turned as wanted
-    has_started: bool = False
-
-    def want(self, frequency_hz: float, now_s: float) -> None:
-        """Take note of a new set-point; the motor is given time to start again if that is much faster."""
-        if abs(frequency_hz - self.wanted_hz) > _STALL_SHARE * abs(frequency_hz):
-            self.has_started, self.told_s = False, now_s
-        self.wanted_hz = frequency_hz
-
-    def look(self) -> None:
-        """Compare the newest estimate with the set-point."""
-        share = self.velocity_hz / self.wanted_hz if self.wanted_hz else 1.0
-        self.has_started = self.has_started or share > _STARTED_SHARE
-        if share > _STALL_SHARE:
-            self.turned_s = self.estimate_s
-
-    @property
-    def is_stalled(self) -> bool:
-        """Whether the motor has not started in time, or has turned and does not any more."""
-        if abs(self.wanted_hz) < _STALL_FROM_HZ:
-            return False
-        if self.has_started:
-            return self.estimate_s > self.turned_s + _TURN_S
-        return self.estimate_s > self.told_s + _START_S
 
 
 def open_line(
@@ -247,7 +218,6 @@ class OdriveLine:
             self._tell(Message.SET_STATE, AxisState.CLOSED_LOOP)
             self._armed_s = now_s
         for axis, frequency_hz in zip(self._axes.values(), gait.frequency_hz, strict=True):
-            axis.want(frequency_hz, now_s)
             self._link.send(encode(axis.motor.node, Message.SET_VELOCITY, frequency_hz, 0.0))
 
     def repeat(self, gait: Gait) -> None:
@@ -260,8 +230,6 @@ class OdriveLine:
         self._tell(Message.SET_VELOCITY, 0.0, 0.0)
         if self._armed_s is not None:
             self._armed_s, self._rested_s, self._told_idle_s = None, now_s, -math.inf
-            for axis in self._axes.values():
-                axis.want(0.0, now_s)
         if now_s - self._told_idle_s > _TELL_AGAIN_S:
             self._told_idle_s = now_s
             self._tell(Message.SET_STATE, AxisState.IDLE)
@@ -341,7 +309,6 @@ class OdriveLine:
             axis.heartbeat_s, (axis.error, axis.state) = now_s, map(int, values)
         elif message is Message.ENCODER_ESTIMATES:
             axis.estimate_s, axis.velocity_hz = now_s, values[1]
-            axis.look()
         elif message is Message.CURRENT:
             axis.current_a = values[1]
 
@@ -354,8 +321,6 @@ class OdriveLine:
                 raise DeviceFault("disobedient", f"{self.name}: axis {axis.motor.node} stayed armed; emergency stop")
         elif axis.state != AxisState.CLOSED_LOOP and axis.heartbeat_s > self._armed_s + _SETTLE_S:
             raise DeviceFault("disarmed", f"{self.name}: axis {axis.motor.node} is not armed (state {axis.state})")
-        elif axis.is_stalled:
-            raise DeviceFault("stall", f"{self.name}: axis {axis.motor.node} is told {axis.wanted_hz:g} Hz but stalls")
 
     def _fault(self, axis: _Axis) -> DeviceFault:
         names = [name for bit, name in self._firmware.errors.items() if axis.error & bit] or ["an unknown error"]

@@ -1,0 +1,146 @@
+"""Scripted faults in the middle of learning: no motor may be left running, no spoilt trial be learned from.
+
+python -m benchmarks.faults --json
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import random
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing
+from functools import partial
+from itertools import pairwise
+from multiprocessing import get_context
+from pathlib import Path
+
+from benchmarks.observed import Change, ObservedDevice
+from controller.interface import DeviceError, TrackingLost, UserError
+from controller.mocks import DEVICES
+from controller.run import RunDirectory
+from controller.trial_runner import TrialCrashed
+from drivers.mock.faults import Fault, Kind
+
+_DURATION_S = 0.7
+_FAULTS_PER_RUN = 20
+_REST_S = 1.0
+_RAMP_S, _END_S = 0.35, 0.1  # of a trial, in which motors may be off
+
+
+def random_fault(dice: random.Random, device: str) -> Fault:
+    """Return a fault that begins at once. A qik cannot tell that a motor is stalled, so it is spared that."""
+    kinds = [kind for kind in Kind if not (device == "qik" and kind is Kind.STALL)]
+    return Fault(
+        kind=dice.choice(kinds),
+        at_s=0.0,
+        duration_s=dice.uniform(0.05, 1.2),
+        replies=dice.choice((1, 1, 2, 5, 30)),
+        delay_s=dice.uniform(0.01, 0.5),
+        motor=dice.randint(1, 3),
+    )
+
+
+def off_in_between_s(changes: Sequence[Change], duration_s: float) -> float:
+    """Return how long a motor was off within a trial that has just ended, but for its ramp and its very end."""
+    ends_s = [change.t_s for change in changes if change.are_all_off]
+    if not ends_s:
+        return duration_s
+    begin_s, end_s = ends_s[-1] - duration_s + _RAMP_S, ends_s[-1] - _END_S
+    before = Change(-math.inf, are_all_on=False, are_all_off=True)
+    off = [
+        (max(begin_s, since.t_s), min(end_s, until.t_s))
+        for since, until in pairwise([before, *changes])
+        if not since.are_all_on
+    ]
+    return sum(max(0.0, until_s - since_s) for since_s, until_s in off)
+
+
+def suffer(device: str, faults: int, seed: int) -> Counter[str]:
+    """Learn on one device while it suffers, and return what happened, by name."""
+    dice, counts = random.Random(f"{device} {seed}"), Counter[str]()
+    with tempfile.TemporaryDirectory() as directory, ObservedDevice(device, Path(directory, "port")) as observed:
+        file = observed.robot_file
+        file.write_text(file.read_text(encoding="utf-8").replace("settle_s = 0.3", "settle_s = 0.1"), encoding="utf-8")
+        for number in range(faults):
+            path = Path(directory, f"run{number // _FAULTS_PER_RUN}")
+            fault = random_fault(dice, device)
+            timer = threading.Timer(dice.uniform(0.2, 1.6), observed.befall, (fault,))
+            timer.start()
+            spoilt = counts["spoilt_trials_learned_from"]
+            counts[f"fault_{fault.kind}"] += 1
+            counts += _learned(path, observed, number % _FAULTS_PER_RUN + 2)
+            timer.join()
+            if counts["spoilt_trials_learned_from"] > spoilt:
+                print(f"spoilt by {fault}", flush=True)
+            try:
+                observed.rested_s(_REST_S)
+            except TimeoutError:
+                counts["motors_left_running"] += 1
+    return counts
+
+
+def _learned(path: Path, observed: ObservedDevice, trials: int) -> Counter[str]:
+    """Go on with a run until it has so many valid trials, resuming it as often as it ends before."""
+    counts: Counter[str] = Counter()
+    for _ in range(20):
+        try:
+            asked = {"trials": trials, "duration_s": _DURATION_S, "robot": {"name": str(observed.robot_file)}}
+            run = RunDirectory.resume(path, {"trials": trials}) if path.exists() else RunDirectory.create(path, asked)
+        except (DeviceError, TrackingLost):
+            counts["opening_failed"] += 1  # the fault lasts; an operator would try again
+            time.sleep(0.2)
+            continue
+        with closing(run):
+            counts += _watched(run, observed)
+        if sum(logged.score is not None for logged in run.trials) >= trials:
+            return counts
+        counts["resumed"] += 1
+    counts["not_resumable"] += 1
+    return counts
+
+
+def _watched(run: RunDirectory, observed: ObservedDevice) -> Counter[str]:
+    counts: Counter[str] = Counter()
+    observed.note()
+    try:
+        for logged in run.learn():
+            counts[f"trials_{logged.trial.outcome}"] += 1
+            off_s = off_in_between_s(observed.note().changes, logged.trial.duration_s)
+            if logged.score is not None and off_s > 0.1:
+                counts["spoilt_trials_learned_from"] += 1
+                print(f"spoilt: {run.config.robot.name} trial {logged.trial.number}: off for {off_s:.2f} s", flush=True)
+    except UserError:
+        counts["gave_up"] += 1  # after several failures in a row, for somebody to look at the robot
+    except TrialCrashed:
+        counts["crashed"] += 1
+    return counts
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser.add_argument("--faults", type=int, default=1000, help="over all devices (default 1000)")
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    share = -(-arguments.faults // len(DEVICES))
+    with ProcessPoolExecutor(len(DEVICES), mp_context=get_context("spawn")) as pool:
+        counts = list(pool.map(partial(suffer, faults=share, seed=arguments.seed), DEVICES))
+    bad = ("motors_left_running", "spoilt_trials_learned_from", "not_resumable", "crashed")
+    figures = {"faults": share * len(DEVICES), **{name: sum(count[name] for count in counts) for name in bad}}
+    for device, count in zip(DEVICES, counts, strict=True):
+        print(device, dict(sorted(count.items())))
+    print(figures)
+    if arguments.json:
+        print(json.dumps({**figures, **{device: count for device, count in zip(DEVICES, counts, strict=True)}}))
+
+
+if __name__ == "__main__":
+    main()
