@@ -1,4 +1,4 @@
-"""Against peers from PyPI: time of a suggestion with 50 earlier and 50 own trials, and simple regret after 40 trials.
+"""Against peers from PyPI: time of a suggestion with 50 earlier and 50 own trials, and BoTorch's regret after 40 trials.
 
 python -m benchmarks.peers --json
 
@@ -209,7 +209,8 @@ def regrets(programs: dict[str, Ours | PeerProcess], seeds: Sequence[int]) -> di
         for index, seed in enumerate(seeds):
             for name, program in programs.items():
                 true[name][index] = problem.true(recommended(program, problem, seed)[None, :])[0]
-            print(f"{problem_name}: {index + 1} of {len(seeds)} seeds", file=sys.stderr, flush=True)
+            so_far = ", ".join(f"{name} {values[: index + 1].mean():.4g}" for name, values in true.items())
+            print(f"{problem_name}, {index + 1} of {len(seeds)} seeds: {so_far}", file=sys.stderr, flush=True)
         best = getattr(problem, "best", max(float(values.max()) for values in true.values()))
         for name, values in true.items():
             percent = 100.0 * (best - values) / best
@@ -273,7 +274,7 @@ def main() -> None:
     with peer("botorch", python) as botorch, peer("scikit-optimize", python) as skopt:
         peers = {"botorch": botorch, "scikit-optimize": skopt}
         figures = times(peers)
-        figures |= ratios(figures) | regrets({"ours": Ours(), **peers}, range(arguments.seeds))
+        figures |= ratios(figures) | regrets({"ours": Ours(), "botorch": botorch}, range(arguments.seeds))
     for name, figure in figures.items():
         print(f"{name:55} {figure:8.2f}")
     if arguments.json:

@@ -44,7 +44,7 @@ def overview(found: Sequence[PairFindings]) -> Figure:
         axes.set(xlim=_SHOWN_PERCENT, ylim=(len(names) - 0.4, -0.6), yticks=range(len(names)))
         axes.set_yticklabels(names)
         axes.set_title(fill(f"{pair.pair.key}: {pair.pair.title}", 32), fontsize=9)
-        axes.set_xlabel("faster than Plain-BO (%)")
+        axes.set_xlabel("faster than Plain-BO (%)", fontsize=9)
     ends = ", ".join("the end" if name == "end" else f"{name} trials" for name, _ in shown)
     figure.suptitle(
         f"Gain in true speed and its 95 % interval,\nin each row from pale to strong after {ends}", fontsize=10
@@ -136,9 +136,9 @@ def _beside_plain(
         axes.set_title(name + ("" if METHODS[name].uses_sources else " (no source)"), color=colour(name), fontsize=10)
         axes.set(xlim=(0, found.checkpoints[-1]), ylim=(0, 1400.0 * highest_m_s))
         axes.tick_params(labelbottom=True)
-        axes.set_xlabel("trial")
+        axes.set_xlabel("trial", fontsize=9)
         if place % columns == 0:
-            axes.set_ylabel(label)
+            axes.set_ylabel(label, fontsize=9)
     return figure
 
 
