@@ -1,4 +1,4 @@
-"""Against peers from PyPI: time of a suggestion with 50 earlier and 50 own trials, and BoTorch's regret after 40 trials.
+"""Against peers from PyPI: time of a suggestion with 50 earlier and 50 own trials, and regret after 40 trials.
 
 python -m benchmarks.peers --json
 
