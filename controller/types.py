@@ -196,6 +196,23 @@ class MotorState:
 
 
 @dataclass(frozen=True, slots=True)
+class Forces:
+    """What pulls and pushes at the robot at one moment. Only a twin can tell. Vectors along the world's axes.
+
+    Args:
+        tensions_n: of each spring in ``Structure.springs``; negative where it pushes.
+        motors_n: of each motor on its strut.
+        contacts_m: where the ground touches the robot.
+        contacts_n: what the ground does there.
+    """
+
+    tensions_n: tuple[float, ...]
+    motors_n: tuple[Vector, ...]
+    contacts_m: tuple[Vector, ...]
+    contacts_n: tuple[Vector, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Pose:
     """Where the robot's centre is and how it is turned (intrinsic z-y'-x'' angles: yaw, then pitch, then roll).
 
@@ -204,6 +221,7 @@ class Pose:
         position_m: x, y, z of the centre of the robot.
         yaw_rad, pitch_rad, roll_rad: the angles; yaw is the heading on the ground.
         markers_m: positions of the strut ends where the tracker sees them, (2 * struts) of them, else empty.
+        forces: where the tracker is a twin's that tells them.
     """
 
     t_s: float
@@ -212,6 +230,7 @@ class Pose:
     pitch_rad: float = 0.0
     roll_rad: float = 0.0
     markers_m: tuple[Vector, ...] = ()
+    forces: Forces | None = None
 
     @property
     def is_finite(self) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.interface import DeviceFault
-from controller.types import Gait
+from controller.types import Forces, Gait
 from twin.body import Body
 from twin.world import World
 
@@ -81,4 +81,8 @@ class Engine(Protocol):
 
     def applied_hz(self) -> tuple[float, ...]:
         """Return the actual frequency of each motor."""
+        ...
+
+    def forces(self) -> Forces | None:
+        """Return what pulls and pushes at the robot now; None where telling would cost more than the physics."""
         ...

@@ -106,6 +106,9 @@ class PlanarEngine:
         """See ``Engine``."""
         return tuple(self._rotors.applied_hz.tolist())
 
+    def forces(self) -> None:
+        """See ``Engine``. Asking pymunk for each contact would take as long as the steps from pose to pose."""
+
 
 @lru_cache(maxsize=64)
 def _settled(body: Body, gravity_m_s2: float, friction: float, time_step_s: float) -> Posture:

@@ -183,7 +183,9 @@ class TwinTracker:
             engine.angles_rad() + self.random.normal(0.0, self._scatter.angle_rad, 3)
         ).tolist()
         centre_m, *markers_m = ((x, y, z) for x, y, z in points_m.tolist())
-        return Pose(self._motion.now_s, centre_m, yaw_rad, pitch_rad, roll_rad, tuple(markers_m))
+        return Pose(
+            self._motion.now_s, centre_m, yaw_rad, pitch_rad, roll_rad, tuple(markers_m), self._motion.engine.forces()
+        )
 
 
 def planar_robot(

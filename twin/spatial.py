@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.interface import DeviceFault
-from controller.types import Gait
+from controller.types import Forces, Gait
 from twin.body import Body, ConstantForce, EccentricForce, ForceLaw, Parts
 from twin.engine import LEVEL, Diverged, Start
 from twin.posture import Angles, best_rotation, continued_angles, nodes_of, turned
 from twin.rotors import Rotors
+from twin.spatial_forces import forces_in
 from twin.spatial_model import HILLS_HALF_WIDTH_M, compiled
 from twin.world import Flat, Hills, World
 
@@ -112,6 +113,10 @@ class SpatialEngine:
         """See ``Engine``."""
         return tuple(self._rotors.applied_hz.tolist())
 
+    def forces(self) -> Forces:
+        """See ``Engine``."""
+        return self._motion.forces(self.body)
+
     def _controls(self, gait: Gait, steps: int) -> Array:
         """Return two forces and the reaction torque of each motor for each step, shape (steps, 3 * motors)."""
         before_hz = self._rotors.applied_hz
@@ -148,13 +153,14 @@ class _Motion:
         from mujoco import MjData
         from mujoco.rollout import Rollout
 
-        self._model, self._data = model, MjData(model)
+        self._model, self._data, self._still = model, MjData(model), MjData(model)
         self._rollout = Rollout(nthread=0)
         self._coordinates = slice(1, 1 + model.nq)
 
     def begin(self, posture: Array) -> None:
         """Go on from rest in ``posture``, at time 0."""
         self._state = np.concatenate([[0.0], posture.ravel(), np.zeros(self._model.nv)])
+        self._control = np.zeros(self._model.nu)
         self._data.qacc_warmstart[:] = 0.0
 
     def go_on(self, controls: Array) -> None:
@@ -165,10 +171,23 @@ class _Motion:
         warm = self._data.qacc_warmstart[None].copy()
         states, _ = self._rollout.rollout(self._model, self._data, self._state, controls[None], initial_warmstart=warm)
         self._state = states[0, -1]
+        self._control = controls[-1]
 
     def posture(self) -> Array:
         """Return where the struts are."""
         return self._state[self._coordinates].reshape(-1, 7)
+
+    def forces(self, body: Body) -> Forces:
+        """Return what acts on the body in this state."""
+        from mujoco import mj_forward, mj_setState, mjtState
+
+        # Beside the motion: what its own data hold must not change.
+        data = self._still
+        mj_setState(self._model, data, self._state, mjtState.mjSTATE_FULLPHYSICS)
+        data.qacc_warmstart[:] = self._data.qacc_warmstart
+        data.ctrl[:] = self._control
+        mj_forward(self._model, data)
+        return forces_in(self._model, data, body)
 
     def check(self, time_s: float) -> None:
         """Raise Diverged if this is not a state that a robot can be in, or not that of ``time_s``."""

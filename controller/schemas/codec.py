@@ -19,6 +19,7 @@ from controller.schemas import vvvaltr_pb2 as pb
 from controller.types import (
     Command,
     Estimate,
+    Forces,
     Gait,
     MotorState,
     Outcome,
@@ -127,6 +128,7 @@ def tracking_message(pose: Pose) -> pb.Tracking:
         pitch_rad=pose.pitch_rad,
         roll_rad=pose.roll_rad,
         markers_m=chain.from_iterable(pose.markers_m),
+        forces=None if pose.forces is None else _forces_message(pose.forces),
     )
 
 
@@ -139,6 +141,25 @@ def tracking_from(message: pb.Tracking) -> Pose:
         message.pitch_rad,
         message.roll_rad,
         _vectors(message.markers_m),
+        _forces_from(message.forces) if message.HasField("forces") else None,
+    )
+
+
+def _forces_message(forces: Forces) -> pb.Forces:
+    return pb.Forces(
+        tensions_n=forces.tensions_n,
+        motors_n=chain.from_iterable(forces.motors_n),
+        contacts_m=chain.from_iterable(forces.contacts_m),
+        contacts_n=chain.from_iterable(forces.contacts_n),
+    )
+
+
+def _forces_from(message: pb.Forces) -> Forces:
+    return Forces(
+        tuple(message.tensions_n),
+        _vectors(message.motors_n),
+        _vectors(message.contacts_m),
+        _vectors(message.contacts_n),
     )
 
 

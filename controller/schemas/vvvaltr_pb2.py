@@ -4,56 +4,63 @@
 # source: vvvaltr.proto
 # Protobuf Python Version: 6.30.0
 """Generated protocol buffer code."""
-
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import descriptor_pool as _descriptor_pool
 from google.protobuf import runtime_version as _runtime_version
 from google.protobuf import symbol_database as _symbol_database
 from google.protobuf.internal import builder as _builder
-
-_runtime_version.ValidateProtobufRuntimeVersion(_runtime_version.Domain.PUBLIC, 6, 30, 0, "", "vvvaltr.proto")
+_runtime_version.ValidateProtobufRuntimeVersion(
+    _runtime_version.Domain.PUBLIC,
+    6,
+    30,
+    0,
+    '',
+    'vvvaltr.proto'
+)
 # @@protoc_insertion_point(imports)
 
 _sym_db = _symbol_database.Default()
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(
-    b'\n\rvvvaltr.proto\x12\x07vvvaltr"B\n\x04Gait\x12\x14\n\x0c\x66requency_hz\x18\x01 \x03(\x01\x12\x11\n\tphase_rad\x18\x02 \x03(\x01\x12\x11\n\tamplitude\x18\x03 \x03(\x01"?\n\x08\x45stimate\x12\x10\n\x08mean_m_s\x18\x01 \x01(\x01\x12\x0f\n\x07low_m_s\x18\x02 \x01(\x01\x12\x10\n\x08high_m_s\x18\x03 \x01(\x01"%\n\x04\x45\x64ge\x12\r\n\x05\x66irst\x18\x01 \x01(\r\x12\x0e\n\x06second\x18\x02 \x01(\r"5\n\x07Terrain\x12\x0b\n\x03x_m\x18\x01 \x03(\x01\x12\x0b\n\x03y_m\x18\x02 \x03(\x01\x12\x10\n\x08height_m\x18\x03 \x03(\x01"\x83\x01\n\tStructure\x12\x1d\n\x06struts\x18\x01 \x03(\x0b\x32\r.vvvaltr.Edge\x12\x1e\n\x07springs\x18\x02 \x03(\x0b\x32\r.vvvaltr.Edge\x12\x14\n\x0cmotor_struts\x18\x03 \x03(\r\x12!\n\x07terrain\x18\x04 \x01(\x0b\x32\x10.vvvaltr.Terrain"H\n\x06Source\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x1c\n\x05gaits\x18\x02 \x03(\x0b\x32\r.vvvaltr.Gait\x12\x12\n\nscores_m_s\x18\x03 \x03(\x01"^\n\x03Run\x12\x0e\n\x06\x66ormat\x18\x01 \x01(\r\x12%\n\tstructure\x18\x02 \x01(\x0b\x32\x12.vvvaltr.Structure\x12 \n\x07sources\x18\x03 \x03(\x0b\x32\x0f.vvvaltr.Source"\xd9\x01\n\nSuggestion\x12\x1b\n\x04gait\x18\x01 \x01(\x0b\x32\r.vvvaltr.Gait\x12\x0e\n\x06origin\x18\x02 \x01(\t\x12#\n\x08\x65xpected\x18\x03 \x01(\x0b\x32\x11.vvvaltr.Estimate\x12\x41\n\x0fhyperparameters\x18\x04 \x03(\x0b\x32(.vvvaltr.Suggestion.HyperparametersEntry\x1a\x36\n\x14HyperparametersEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01"\x87\x01\n\x08Tracking\x12\x0b\n\x03t_s\x18\x01 \x01(\x01\x12\x0b\n\x03x_m\x18\x02 \x01(\x01\x12\x0b\n\x03y_m\x18\x03 \x01(\x01\x12\x0b\n\x03z_m\x18\x04 \x01(\x01\x12\x0f\n\x07yaw_rad\x18\x05 \x01(\x01\x12\x11\n\tpitch_rad\x18\x06 \x01(\x01\x12\x10\n\x08roll_rad\x18\x07 \x01(\x01\x12\x11\n\tmarkers_m\x18\x08 \x03(\x01"C\n\x07\x43ommand\x12\x0b\n\x03t_s\x18\x01 \x01(\x01\x12\x1b\n\x04gait\x18\x02 \x01(\x0b\x32\r.vvvaltr.Gait\x12\x0e\n\x06hold_s\x18\x03 \x01(\x01"k\n\nMotorState\x12\x0b\n\x03t_s\x18\x01 \x01(\x01\x12\x14\n\x0c\x66requency_hz\x18\x02 \x03(\x01\x12\x10\n\x08measured\x18\x03 \x01(\x08\x12\x11\n\tcurrent_a\x18\x04 \x03(\x01\x12\x15\n\rtemperature_c\x18\x05 \x03(\x01"R\n\x0eRecommendation\x12\x1b\n\x04gait\x18\x01 \x01(\x0b\x32\r.vvvaltr.Gait\x12#\n\x08\x65stimate\x18\x02 \x01(\x0b\x32\x11.vvvaltr.Estimate"\xd8\x01\n\x05Trial\x12\x0e\n\x06number\x18\x01 \x01(\r\x12\x1b\n\x04gait\x18\x02 \x01(\x0b\x32\r.vvvaltr.Gait\x12\x0f\n\x07outcome\x18\x03 \x01(\t\x12\x0e\n\x06reason\x18\x04 \x01(\t\x12\x16\n\x0estarted_unix_s\x18\x05 \x01(\x01\x12\x12\n\nduration_s\x18\x06 \x01(\x01\x12\x16\n\tscore_m_s\x18\x07 \x01(\x01H\x00\x88\x01\x01\x12/\n\x0erecommendation\x18\x08 \x01(\x0b\x32\x17.vvvaltr.RecommendationB\x0c\n\n_score_m_sb\x06proto3'
-)
+
+
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\rvvvaltr.proto\x12\x07vvvaltr\"B\n\x04Gait\x12\x14\n\x0c\x66requency_hz\x18\x01 \x03(\x01\x12\x11\n\tphase_rad\x18\x02 \x03(\x01\x12\x11\n\tamplitude\x18\x03 \x03(\x01\"?\n\x08\x45stimate\x12\x10\n\x08mean_m_s\x18\x01 \x01(\x01\x12\x0f\n\x07low_m_s\x18\x02 \x01(\x01\x12\x10\n\x08high_m_s\x18\x03 \x01(\x01\"%\n\x04\x45\x64ge\x12\r\n\x05\x66irst\x18\x01 \x01(\r\x12\x0e\n\x06second\x18\x02 \x01(\r\"5\n\x07Terrain\x12\x0b\n\x03x_m\x18\x01 \x03(\x01\x12\x0b\n\x03y_m\x18\x02 \x03(\x01\x12\x10\n\x08height_m\x18\x03 \x03(\x01\"\x83\x01\n\tStructure\x12\x1d\n\x06struts\x18\x01 \x03(\x0b\x32\r.vvvaltr.Edge\x12\x1e\n\x07springs\x18\x02 \x03(\x0b\x32\r.vvvaltr.Edge\x12\x14\n\x0cmotor_struts\x18\x03 \x03(\r\x12!\n\x07terrain\x18\x04 \x01(\x0b\x32\x10.vvvaltr.Terrain\"H\n\x06Source\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x1c\n\x05gaits\x18\x02 \x03(\x0b\x32\r.vvvaltr.Gait\x12\x12\n\nscores_m_s\x18\x03 \x03(\x01\"^\n\x03Run\x12\x0e\n\x06\x66ormat\x18\x01 \x01(\r\x12%\n\tstructure\x18\x02 \x01(\x0b\x32\x12.vvvaltr.Structure\x12 \n\x07sources\x18\x03 \x03(\x0b\x32\x0f.vvvaltr.Source\"\xd9\x01\n\nSuggestion\x12\x1b\n\x04gait\x18\x01 \x01(\x0b\x32\r.vvvaltr.Gait\x12\x0e\n\x06origin\x18\x02 \x01(\t\x12#\n\x08\x65xpected\x18\x03 \x01(\x0b\x32\x11.vvvaltr.Estimate\x12\x41\n\x0fhyperparameters\x18\x04 \x03(\x0b\x32(.vvvaltr.Suggestion.HyperparametersEntry\x1a\x36\n\x14HyperparametersEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\"V\n\x06\x46orces\x12\x12\n\ntensions_n\x18\x01 \x03(\x01\x12\x10\n\x08motors_n\x18\x02 \x03(\x01\x12\x12\n\ncontacts_m\x18\x03 \x03(\x01\x12\x12\n\ncontacts_n\x18\x04 \x03(\x01\"\xa8\x01\n\x08Tracking\x12\x0b\n\x03t_s\x18\x01 \x01(\x01\x12\x0b\n\x03x_m\x18\x02 \x01(\x01\x12\x0b\n\x03y_m\x18\x03 \x01(\x01\x12\x0b\n\x03z_m\x18\x04 \x01(\x01\x12\x0f\n\x07yaw_rad\x18\x05 \x01(\x01\x12\x11\n\tpitch_rad\x18\x06 \x01(\x01\x12\x10\n\x08roll_rad\x18\x07 \x01(\x01\x12\x11\n\tmarkers_m\x18\x08 \x03(\x01\x12\x1f\n\x06\x66orces\x18\t \x01(\x0b\x32\x0f.vvvaltr.Forces\"C\n\x07\x43ommand\x12\x0b\n\x03t_s\x18\x01 \x01(\x01\x12\x1b\n\x04gait\x18\x02 \x01(\x0b\x32\r.vvvaltr.Gait\x12\x0e\n\x06hold_s\x18\x03 \x01(\x01\"k\n\nMotorState\x12\x0b\n\x03t_s\x18\x01 \x01(\x01\x12\x14\n\x0c\x66requency_hz\x18\x02 \x03(\x01\x12\x10\n\x08measured\x18\x03 \x01(\x08\x12\x11\n\tcurrent_a\x18\x04 \x03(\x01\x12\x15\n\rtemperature_c\x18\x05 \x03(\x01\"R\n\x0eRecommendation\x12\x1b\n\x04gait\x18\x01 \x01(\x0b\x32\r.vvvaltr.Gait\x12#\n\x08\x65stimate\x18\x02 \x01(\x0b\x32\x11.vvvaltr.Estimate\"\xd8\x01\n\x05Trial\x12\x0e\n\x06number\x18\x01 \x01(\r\x12\x1b\n\x04gait\x18\x02 \x01(\x0b\x32\r.vvvaltr.Gait\x12\x0f\n\x07outcome\x18\x03 \x01(\t\x12\x0e\n\x06reason\x18\x04 \x01(\t\x12\x16\n\x0estarted_unix_s\x18\x05 \x01(\x01\x12\x12\n\nduration_s\x18\x06 \x01(\x01\x12\x16\n\tscore_m_s\x18\x07 \x01(\x01H\x00\x88\x01\x01\x12/\n\x0erecommendation\x18\x08 \x01(\x0b\x32\x17.vvvaltr.RecommendationB\x0c\n\n_score_m_sb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
-_builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, "vvvaltr_pb2", _globals)
+_builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'vvvaltr_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
-    DESCRIPTOR._loaded_options = None
-    _globals["_SUGGESTION_HYPERPARAMETERSENTRY"]._loaded_options = None
-    _globals["_SUGGESTION_HYPERPARAMETERSENTRY"]._serialized_options = b"8\001"
-    _globals["_GAIT"]._serialized_start = 26
-    _globals["_GAIT"]._serialized_end = 92
-    _globals["_ESTIMATE"]._serialized_start = 94
-    _globals["_ESTIMATE"]._serialized_end = 157
-    _globals["_EDGE"]._serialized_start = 159
-    _globals["_EDGE"]._serialized_end = 196
-    _globals["_TERRAIN"]._serialized_start = 198
-    _globals["_TERRAIN"]._serialized_end = 251
-    _globals["_STRUCTURE"]._serialized_start = 254
-    _globals["_STRUCTURE"]._serialized_end = 385
-    _globals["_SOURCE"]._serialized_start = 387
-    _globals["_SOURCE"]._serialized_end = 459
-    _globals["_RUN"]._serialized_start = 461
-    _globals["_RUN"]._serialized_end = 555
-    _globals["_SUGGESTION"]._serialized_start = 558
-    _globals["_SUGGESTION"]._serialized_end = 775
-    _globals["_SUGGESTION_HYPERPARAMETERSENTRY"]._serialized_start = 721
-    _globals["_SUGGESTION_HYPERPARAMETERSENTRY"]._serialized_end = 775
-    _globals["_TRACKING"]._serialized_start = 778
-    _globals["_TRACKING"]._serialized_end = 913
-    _globals["_COMMAND"]._serialized_start = 915
-    _globals["_COMMAND"]._serialized_end = 982
-    _globals["_MOTORSTATE"]._serialized_start = 984
-    _globals["_MOTORSTATE"]._serialized_end = 1091
-    _globals["_RECOMMENDATION"]._serialized_start = 1093
-    _globals["_RECOMMENDATION"]._serialized_end = 1175
-    _globals["_TRIAL"]._serialized_start = 1178
-    _globals["_TRIAL"]._serialized_end = 1394
+  DESCRIPTOR._loaded_options = None
+  _globals['_SUGGESTION_HYPERPARAMETERSENTRY']._loaded_options = None
+  _globals['_SUGGESTION_HYPERPARAMETERSENTRY']._serialized_options = b'8\001'
+  _globals['_GAIT']._serialized_start=26
+  _globals['_GAIT']._serialized_end=92
+  _globals['_ESTIMATE']._serialized_start=94
+  _globals['_ESTIMATE']._serialized_end=157
+  _globals['_EDGE']._serialized_start=159
+  _globals['_EDGE']._serialized_end=196
+  _globals['_TERRAIN']._serialized_start=198
+  _globals['_TERRAIN']._serialized_end=251
+  _globals['_STRUCTURE']._serialized_start=254
+  _globals['_STRUCTURE']._serialized_end=385
+  _globals['_SOURCE']._serialized_start=387
+  _globals['_SOURCE']._serialized_end=459
+  _globals['_RUN']._serialized_start=461
+  _globals['_RUN']._serialized_end=555
+  _globals['_SUGGESTION']._serialized_start=558
+  _globals['_SUGGESTION']._serialized_end=775
+  _globals['_SUGGESTION_HYPERPARAMETERSENTRY']._serialized_start=721
+  _globals['_SUGGESTION_HYPERPARAMETERSENTRY']._serialized_end=775
+  _globals['_FORCES']._serialized_start=777
+  _globals['_FORCES']._serialized_end=863
+  _globals['_TRACKING']._serialized_start=866
+  _globals['_TRACKING']._serialized_end=1034
+  _globals['_COMMAND']._serialized_start=1036
+  _globals['_COMMAND']._serialized_end=1103
+  _globals['_MOTORSTATE']._serialized_start=1105
+  _globals['_MOTORSTATE']._serialized_end=1212
+  _globals['_RECOMMENDATION']._serialized_start=1214
+  _globals['_RECOMMENDATION']._serialized_end=1296
+  _globals['_TRIAL']._serialized_start=1299
+  _globals['_TRIAL']._serialized_end=1515
 # @@protoc_insertion_point(module_scope)

@@ -95,8 +95,20 @@ class Suggestion(_message.Message):
     hyperparameters: _containers.ScalarMap[str, float]
     def __init__(self, gait: _Optional[_Union[Gait, _Mapping]] = ..., origin: _Optional[str] = ..., expected: _Optional[_Union[Estimate, _Mapping]] = ..., hyperparameters: _Optional[_Mapping[str, float]] = ...) -> None: ...
 
+class Forces(_message.Message):
+    __slots__ = ("tensions_n", "motors_n", "contacts_m", "contacts_n")
+    TENSIONS_N_FIELD_NUMBER: _ClassVar[int]
+    MOTORS_N_FIELD_NUMBER: _ClassVar[int]
+    CONTACTS_M_FIELD_NUMBER: _ClassVar[int]
+    CONTACTS_N_FIELD_NUMBER: _ClassVar[int]
+    tensions_n: _containers.RepeatedScalarFieldContainer[float]
+    motors_n: _containers.RepeatedScalarFieldContainer[float]
+    contacts_m: _containers.RepeatedScalarFieldContainer[float]
+    contacts_n: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, tensions_n: _Optional[_Iterable[float]] = ..., motors_n: _Optional[_Iterable[float]] = ..., contacts_m: _Optional[_Iterable[float]] = ..., contacts_n: _Optional[_Iterable[float]] = ...) -> None: ...
+
 class Tracking(_message.Message):
-    __slots__ = ("t_s", "x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "roll_rad", "markers_m")
+    __slots__ = ("t_s", "x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "roll_rad", "markers_m", "forces")
     T_S_FIELD_NUMBER: _ClassVar[int]
     X_M_FIELD_NUMBER: _ClassVar[int]
     Y_M_FIELD_NUMBER: _ClassVar[int]
@@ -105,6 +117,7 @@ class Tracking(_message.Message):
     PITCH_RAD_FIELD_NUMBER: _ClassVar[int]
     ROLL_RAD_FIELD_NUMBER: _ClassVar[int]
     MARKERS_M_FIELD_NUMBER: _ClassVar[int]
+    FORCES_FIELD_NUMBER: _ClassVar[int]
     t_s: float
     x_m: float
     y_m: float
@@ -113,7 +126,8 @@ class Tracking(_message.Message):
     pitch_rad: float
     roll_rad: float
     markers_m: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, t_s: _Optional[float] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ..., yaw_rad: _Optional[float] = ..., pitch_rad: _Optional[float] = ..., roll_rad: _Optional[float] = ..., markers_m: _Optional[_Iterable[float]] = ...) -> None: ...
+    forces: Forces
+    def __init__(self, t_s: _Optional[float] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ..., yaw_rad: _Optional[float] = ..., pitch_rad: _Optional[float] = ..., roll_rad: _Optional[float] = ..., markers_m: _Optional[_Iterable[float]] = ..., forces: _Optional[_Union[Forces, _Mapping]] = ...) -> None: ...
 
 class Command(_message.Message):
     __slots__ = ("t_s", "gait", "hold_s")

@@ -9,6 +9,7 @@ from controller.recording import LoggedTrial, Run
 from controller.types import (
     Command,
     Estimate,
+    Forces,
     Gait,
     MotorState,
     Outcome,
@@ -68,7 +69,15 @@ def _pose(t_s: float, speed_m_s: float, draw: random.Random) -> Pose:
     centre_m = (speed_m_s * t_s, draw.gauss(0, 1e-4), 0.04 + 0.004 * abs(math.sin(20 * t_s)))
     corners = [(0.047 * math.cos(angle + pitch_rad), 0.047 * math.sin(angle + pitch_rad)) for angle in range(6)]
     markers_m = tuple((centre_m[0] + x, centre_m[1], centre_m[2] + z) for x, z in corners)
-    return Pose(t_s, centre_m, 0.02 * t_s, pitch_rad, draw.gauss(0, 0.01), markers_m)
+    return Pose(t_s, centre_m, 0.02 * t_s, pitch_rad, draw.gauss(0, 0.01), markers_m, _forces(t_s, markers_m))
+
+
+def _forces(t_s: float, markers_m: tuple[tuple[float, float, float], ...]) -> Forces:
+    """Return forces of which the ground's are gone while the robot hops."""
+    tensions_n = tuple(2.0 + math.sin(20 * t_s + spring) for spring in range(len(STRUCTURE.springs)))
+    feet_m = markers_m[4:] if math.sin(20 * t_s) < 0.5 else ()
+    swing_n = (0.3 * math.sin(80 * t_s), 0.0, 0.3 * math.cos(80 * t_s))
+    return Forces(tensions_n, (swing_n,) * 3, feet_m, ((0.0, 0.0, 0.4),) * len(feet_m))
 
 
 def _state(t_s: float, gait: Gait, draw: random.Random) -> MotorState:

@@ -230,3 +230,39 @@ def test_a_trial_runs_on_the_spatial_twin_and_depends_on_seed_and_number_alone()
     assert trials[0].poses != trials[1].poses
     assert robot.structure.terrain is not None
     assert len(robot.structure.struts) == 6
+
+
+def test_at_rest_the_ground_carries_the_weight_and_motors_push_nothing(engine):
+    engine.reset()
+    engine.step(STILL, 0.5)
+
+    forces = engine.forces()
+
+    weight_n = 9.81 * BODY.masses_kg.sum()
+    assert np.sum(forces.contacts_n, axis=0) == pytest.approx([0.0, 0.0, weight_n], abs=0.001 * weight_n)
+    assert [z_m for _, _, z_m in forces.contacts_m] == pytest.approx([0.0] * len(forces.contacts_m), abs=1e-4)
+    assert len(forces.tensions_n) == len(BODY.springs)
+    assert all(2.0 < tension_n < 3.5 for tension_n in forces.tensions_n)
+    assert forces.motors_n == ((0.0, 0.0, 0.0),) * 3
+
+
+def test_motors_push_with_the_force_of_their_law_across_their_struts(engine):
+    nodes_m = driven(engine, Gait((30.0, 0.0, -40.0)))
+
+    forces = engine.forces()
+
+    for motor, hz in enumerate((30.0, 0.0, 40.0)):
+        strut = BODY.motors[motor].strut
+        axis = nodes_m[2 * strut] - nodes_m[2 * strut + 1]
+        assert math.hypot(*forces.motors_n[motor]) == pytest.approx(SPATIAL_PARTS.law.at(hz), rel=1e-3)
+        assert abs(np.dot(forces.motors_n[motor], axis)) < 1e-9
+
+
+def test_looking_at_the_forces_does_not_change_the_motion(engine):
+    unseen = driven(engine)
+    engine.reset(ASKEW)
+    for _ in range(10):
+        engine.forces()
+        engine.step(LIVELY, 0.05)
+
+    assert np.array_equal(engine.nodes_m(), unseen)
