@@ -72,7 +72,7 @@ class CanLink:
         while (left_s := until_s - time.monotonic()) > -_BACKLOG_S:
             try:
                 with lost_link(self._name, *_SYMPTOMS):
-                    message = self._bus.recv(timeout=max(0.0, left_s))
+                    message = self._received(max(0.0, left_s))
             except _GARBLED:
                 self.garbled += 1
                 continue
@@ -80,6 +80,16 @@ class CanLink:
                 return
             if message is not None and not (message.is_error_frame or message.is_extended_id):
                 yield Frame(message.arbitration_id, bytes(message.data), message.is_remote_frame)
+
+    def _received(self, timeout_s: float) -> can.Message | None:
+        try:
+            return self._bus.recv(timeout=timeout_s)
+        except can.CanOperationError as error:
+            if isinstance(error.__cause__, UnicodeDecodeError):
+                # slcan takes this for a lost line, and would stumble over the same bytes for ever.
+                self._bus.flush()  # type: ignore[attr-defined]
+                raise error.__cause__ from None
+            raise
 
     def close(self) -> None:
         """Let go of the bus. Idempotent; never raises."""
