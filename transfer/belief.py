@@ -16,6 +16,9 @@ from transfer.scale import Scale
 
 Array = NDArray[np.float64]
 
+MODEL_DOUBT = 15.0
+"""After so many trials the model itself is as uncertain as what it predicts: measured, see docs/learning.md."""
+
 
 @dataclass(frozen=True, slots=True)
 class Trials:
@@ -60,8 +63,13 @@ class Belief:
         return cls(process, scale, fitted.noise_variance, process.observations.x, fitted.logs, names)
 
     def estimates(self, x: Array) -> tuple[Estimate, ...]:
-        """Return what is believed of the true scores at places (m, d)."""
-        return self.scale.estimates(*self.posterior.predict(x), self.noise_variance)
+        """Return what is believed of the true scores at places (m, d).
+
+        The posterior takes scale and hyperparameters for known; the intervals are widened for it, the more the fewer
+        trials there are.
+        """
+        widening = math.sqrt(1.0 + MODEL_DOUBT / len(self.seen))
+        return self.scale.estimates(*self.posterior.predict(x), self.noise_variance, widening)
 
     def promising(self, count: int = 5) -> Array:
         """Return the seen places (k, d), k <= count, of the greatest posterior mean, the greatest first."""

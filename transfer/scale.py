@@ -58,7 +58,9 @@ class Scale:
         """Return how much the score grows with the standardised value in the middle of the scale."""
         return self.bend * self.spread * float(np.cosh(self.centre))
 
-    def estimates(self, mean: Array, variance: Array, noise_variance: float) -> tuple[Estimate, ...]:
+    def estimates(
+        self, mean: Array, variance: Array, noise_variance: float, widening: float = 1.0
+    ) -> tuple[Estimate, ...]:
         """Return beliefs about means of scores over their noise, with 95 % intervals.
 
         A value m with the noise variance n^2 has the mean score bend * sinh(m) * exp(n^2 / 2), and if m is itself
@@ -68,11 +70,13 @@ class Scale:
             mean: (m,) of the standardised values.
             variance: (m,) of the same, without noise.
             noise_variance: of a standardised score.
+            widening: factor of the interval's width, for what else is uncertain.
         """
         middle, sd = self.centre + self.spread * mean, self.spread * np.sqrt(variance)
         factor = self.bend * np.exp(0.5 * self.spread**2 * noise_variance)
         means = factor * np.sinh(middle) * np.exp(0.5 * sd**2)
-        low, high = factor * np.sinh(middle - 1.96 * sd), factor * np.sinh(middle + 1.96 * sd)
+        half = 1.96 * widening * sd
+        low, high = factor * np.sinh(middle - half), factor * np.sinh(middle + half)
         return tuple(Estimate(*numbers) for numbers in np.stack([means, low, high], axis=1).tolist())
 
 
