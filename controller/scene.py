@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.recording import LoggedTrial, trial_span_ns
+from controller.scene_forces import force_columns, send_force_styles
 from controller.types import Gait, Pose, Structure, Terrain, Trial
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ _When = tuple[float, int]  # seconds since the run began, number of the trial
 
 _GROUND: _Colour = (62, 70, 84)
 _LINES: _Colour = (104, 114, 130)
-_SPRING: _Colour = (150, 158, 170)
 _STRUT: _Colour = (205, 208, 214)
 _TRAIL: _Colour = (250, 200, 70)
 _MEASURED: _Colour = (240, 240, 240)
@@ -127,6 +127,8 @@ class Scene:
         if self._structure is not None:
             self._send_edges("world/robot/struts", self._structure.struts, poses)
             self._send_edges("world/robot/springs", self._structure.springs, poses)
+            for path, whens, columns in force_columns(self._structure, poses):
+                self._send(path, whens, columns)
 
     def _send_headings(self, poses: Sequence[tuple[_When, Pose]]) -> None:
         """Send an arrow where a tracker sees no more of the robot than where it is and where it points."""
@@ -249,7 +251,8 @@ def _send_world_styles(recording: rr.RecordingStream, structure: Structure | Non
         driven = {strut: _motor_colour(motor) for motor, strut in enumerate(structure.motor_struts)}
         colours = [driven.get(strut, _STRUT) for strut in range(len(structure.struts))]
         recording.log("world/robot/struts", rr.LineStrips3D.from_fields(colors=colours, radii=0.003), static=True)
-        recording.log("world/robot/springs", rr.LineStrips3D.from_fields(colors=_SPRING, radii=0.0007), static=True)
+        recording.log("world/robot/springs", rr.LineStrips3D.from_fields(radii=0.0007), static=True)
+        send_force_styles(recording)
 
 
 def _send_speed_styles(recording: rr.RecordingStream) -> None:
