@@ -6,6 +6,7 @@ python -m benchmarks.fuzz --json
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import os
@@ -154,10 +155,11 @@ def qik_host() -> Decoder:
 def qik_device(has_crc: bool) -> Decoder:
     """Make the boards' ear for packets."""
     device = QikDevice(has_crc=has_crc)
+    times_s = itertools.count(0.0, 0.01)
 
     def feed(data: bytes) -> None:
-        device.on_bytes(data, 0.0)
-        device.tick(0.0)
+        device.on_bytes(data, now_s := next(times_s))
+        device.tick(now_s + 0.005)
         _check_bounds(device.applied_hz)
 
     def works() -> bool:
@@ -222,10 +224,11 @@ def odrive_host() -> Decoder:
 def odrive_device() -> Decoder:
     """Make the axes' ear for frames."""
     device = OdriveDevice()
+    times_s = itertools.count(0.0, 0.001)
 
     def feed(data: bytes) -> None:
-        device.on_frame(_frame(data), 0.0)
-        device.tick(0.0)
+        device.on_frame(_frame(data), now_s := next(times_s))
+        device.tick(now_s)
         if not all(map(math.isfinite, device.applied_hz)):
             raise AssertionError("a velocity that is no number is applied")
 
@@ -339,10 +342,11 @@ def _telemetry(device: NodeDevice) -> bytes:
 def node_device() -> Decoder:
     """Make the firmware's ear for frames."""
     device = NodeDevice(3, _MAX_HZ, lambda: 1, 0.0)
+    times_s = itertools.count(0.0, 0.005)
 
     def feed(data: bytes) -> None:
-        device.on_bytes(data, 0.0)
-        device.tick(0.0)
+        device.on_bytes(data, now_s := next(times_s))
+        device.tick(now_s)
 
     def works() -> bool:
         return len(device.on_bytes(b"\0" + node_protocol.hello(0), 0.0)) > 0

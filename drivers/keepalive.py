@@ -21,8 +21,9 @@ from controller.types import Gait, MotorState, Quantity
 WATCHDOG = "watchdog"  # code of the DeviceFault of a device that stopped its motors for want of commands
 _RETRY_S, _LOOK_S = 0.2, 0.002
 _LATE_S = 0.2  # between two set-points: less than any device's watchdog
-# A motor with a sensor is given time to start; one that has turned may not fall behind for longer than a moment.
-_START_S, _TURN_S = 0.5, 0.06
+# A motor with a sensor is given time to start; one that has turned may not fall behind for longer than a device takes
+# to tell of a fault that may be the cause.
+_START_S, _TURN_S = 0.5, 0.12
 _STARTED_SHARE, _STALLED_SHARE, _LEAST_HZ = 0.8, 0.4, 1.0
 _PRIORITY = 10
 

@@ -23,6 +23,7 @@ from drivers.serial_link import SerialLink
 START = 0xAA  # begins a packet of the Pololu protocol; the board also finds the baud rate from it
 _ANSWER_S = 0.2  # line time and a USB adapter's latency come to 20 ms; the rest is for a busy computer
 _ASK_PERIOD_S = 0.02
+_QUIET_S = 0.05  # after which nothing more is on its way
 _ATTEMPTS = 3
 
 
@@ -233,6 +234,8 @@ class QikLine:
         """Find all boards, configure them and read that back. Raises as ``open_line`` does."""
         # Bytes that an earlier program left unfinished make the first packets fail; the error byte is read at the end.
         self._link.write(bytes((START,)))
+        while self._link.read(64, _QUIET_S):
+            pass  # answers that an earlier program had asked for
         for board in self._boards:
             self._find(board)
             self._configure(board, Parameter.PWM, int(self._settings.eight_bit))

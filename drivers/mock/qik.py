@@ -210,8 +210,8 @@ class QikDevice:
         for byte in data:
             for board in self.boards.values():
                 board.take(byte, now_s)
+            self._turn()
             said += self._replies(now_s)
-        self._turn()
         return said
 
     def tick(self, now_s: float) -> bytes:
