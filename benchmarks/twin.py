@@ -1,4 +1,6 @@
-"""How much faster than real time the twins run on one core: driven gaits, in the steps of 50 ms that a trial takes.
+"""How much faster than real time the twins run: driven gaits on one core, in the steps of 50 ms that a trial takes.
+
+For the spatial twin also what it takes to begin, and what a second thread adds.
 
 python -m benchmarks.twin --json
 """
@@ -8,24 +10,28 @@ from __future__ import annotations
 import argparse
 import json
 import time
+import timeit
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from twin.engine import Engine
 
-GAITS_HZ = ((12.0, 14.0, 16.0), (16.0, 9.0, 13.0), (-14.0, 12.0, 15.0))
+PLANAR_HZ = ((12.0, 14.0, 16.0), (16.0, 9.0, 13.0), (-14.0, 12.0, 15.0))
+SPATIAL_HZ = ((25.0, 32.0, 41.0), (45.0, 20.0, 33.0), (-30.0, 38.0, 12.0))
 CALL_S, CALLS = 0.05, 100
 REPEATS = 10
 
 
-def times_real_time(engine: Engine) -> float:
+def times_real_time(engine: Engine, gaits_hz: Sequence[tuple[float, ...]]) -> float:
     """Return simulated over measured seconds.
 
     Repeats are the same motion bit for bit, so each call counts with the repeat that other programs disturbed least.
     """
-    least_s: float = sum(min(times_s) for gait in GAITS_HZ for times_s in zip(*_repeats(engine, gait), strict=True))
-    return len(GAITS_HZ) * CALLS * CALL_S / least_s
+    least_s: float = sum(min(times_s) for gait in gaits_hz for times_s in zip(*_repeats(engine, gait), strict=True))
+    return len(gaits_hz) * CALLS * CALL_S / least_s
 
 
 def _repeats(engine: Engine, frequency_hz: tuple[float, ...]) -> list[list[float]]:
@@ -50,9 +56,58 @@ def planar() -> dict[str, float]:
     from twin.world import PLAIN
 
     return {
-        f"planar_{name}_x_real_time": round(times_real_time(PlanarEngine(body(PLANAR_PARTS), PLAIN)), 1)
+        f"planar_{name}_x_real_time": round(times_real_time(PlanarEngine(body(PLANAR_PARTS), PLAIN), PLANAR_HZ), 1)
         for name, body in BODIES.items()
     }
+
+
+def spatial() -> dict[str, float]:
+    """Return the spatial twin's figures, at its own time step of 0.5 ms."""
+    from twin.body import BODIES, icosahedron6
+    from twin.spatial import SPATIAL_PARTS, TIME_STEP_S, SpatialEngine
+    from twin.spatial_model import compiled
+    from twin.world import PLAIN, Hills, World
+
+    body, hills = icosahedron6(SPATIAL_PARTS), World(ground=Hills())
+    engines = {name: SpatialEngine(make(SPATIAL_PARTS), PLAIN) for name, make in BODIES.items()}
+    engines["icosahedron6_on_hills"] = SpatialEngine(body, hills)
+    speeds = {
+        f"spatial_{name}_x_real_time": round(times_real_time(engine, SPATIAL_HZ), 1) for name, engine in engines.items()
+    }
+    return speeds | {
+        "spatial_two_threads_over_one": round(_two_threads_over_one(), 2),
+        "spatial_compile_ms": round(1000.0 * _least_s(lambda: compiled(body, PLAIN, TIME_STEP_S)), 2),
+        "spatial_compile_hills_ms": round(1000.0 * _least_s(lambda: compiled(body, hills, TIME_STEP_S)), 2),
+        "spatial_reset_ms": round(1000.0 * _least_s(engines["icosahedron6"].reset), 3),
+    }
+
+
+def _least_s(call: Callable[[], object]) -> float:
+    """Return how long a call takes when other programs disturb it least."""
+    return min(timeit.repeat(call, number=1, repeat=20))
+
+
+def _two_threads_over_one() -> float:
+    """Return how much sooner two threads are done with the same motions than one, as ``mujoco.rollout`` runs them."""
+    import numpy as np
+    from mujoco import MjData, mj_stateSize, mjtState
+    from mujoco.rollout import Rollout
+
+    from twin.body import icosahedron6
+    from twin.spatial import SPATIAL_PARTS, TIME_STEP_S
+    from twin.spatial_model import compiled
+    from twin.world import PLAIN
+
+    model = compiled(icosahedron6(SPATIAL_PARTS), PLAIN, TIME_STEP_S)
+    start = np.zeros(mj_stateSize(model, mjtState.mjSTATE_FULLPHYSICS))
+    start[1 : 1 + model.nq] = model.qpos0
+    starts, controls = np.tile(start, (8, 1)), np.full((8, 200, model.nu), 0.1)
+    took_s = []
+    for threads in (0, 2):
+        data = [MjData(model) for _ in range(max(1, threads))]
+        with Rollout(nthread=threads) as pool:
+            took_s.append(_least_s(partial(pool.rollout, model, data, starts, controls, chunk_size=1)))
+    return took_s[0] / took_s[1]
 
 
 def main() -> None:
@@ -60,7 +115,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     arguments = parser.parse_args()
-    figures = planar()
+    figures = planar() | spatial()
     for name, figure in figures.items():
         print(f"{name:32} {figure:8.1f}")
     if arguments.json:

@@ -42,9 +42,15 @@ def best_rotation(nodes_m: Array, before_m: Array) -> Array:
     Best in the sense of least squares, after W. Kabsch, "A solution for the best rotation to relate two sets of
     vectors", Acta Crystallographica A32 (1976).
     """
-    left, _, right = np.linalg.svd((before_m - before_m.mean(axis=0)).T @ (nodes_m - nodes_m.mean(axis=0)))
-    handed = np.sign(np.linalg.det(left) * np.linalg.det(right))
-    return np.asarray((left * [1.0, 1.0, handed] @ right).T)
+    # Taking the mean from one side is enough: it takes the other's along.
+    left, _, right = np.linalg.svd((before_m - before_m.mean(axis=0)).T @ nodes_m)
+    best = right.T @ left.T
+    return np.asarray(best if _determinant(best) > 0.0 else right.T * [1.0, 1.0, -1.0] @ left.T)
+
+
+def _determinant(matrix: Array) -> float:
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    return float(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
 
 
 def continued_angles(rotation: Array, last_rad: Angles) -> Angles:
