@@ -155,7 +155,7 @@ def _begin(path: Path, config: RunConfig, head: Run) -> RunLog:
 def _complete(asked: dict[str, Any], rig: Rig) -> RunConfig:
     """Return the whole configuration: what was asked for, and the defaults."""
     usual = {
-        "method": "efficient" if asked.get("sources") else "plain",
+        "method": "guarded" if asked.get("sources") else "plain",
         "sources": (),
         "seed": 0,
         "trials": 40,

@@ -25,7 +25,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
     add_trial_arguments(parser)
     group = parser.add_argument_group("learning")
     group.add_argument("--trials", type=whole(1), metavar="N", help="valid trials to make (default 40)")
-    group.add_argument("--method", help="the optimiser (default: plain, or efficient with a source)")
+    group.add_argument("--method", help="the optimiser (default: plain, or guarded with a source)")
     group.add_argument("--source", action="append", metavar="RUN", help="a run to learn from; repeatable")
     group.add_argument("--optimise", type=one_of("frequency", "phase", "amplitude"), metavar="WHAT,...",
                        help="what to search: frequency, phase, amplitude (default frequency)")  # fmt: skip
