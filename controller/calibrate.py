@@ -131,15 +131,15 @@ def fitted(seen: Sequence[Reading], former: Points) -> Points:
     for reading in sorted(seen, key=lambda reading: -reading.command):
         if reading.frequency_hz > 0.0 and (not points or reading.frequency_hz < points[0][1]):
             points.insert(0, (reading.command, round(reading.frequency_hz, 3)))
+    if points and former:
+        lowest, lowest_hz = points[0]
+        share = lowest_hz / (Curve(former).frequency_hz(lowest) or math.inf)
+        points = [(c, round(hz * share, 3)) for c, hz in former if c < lowest and hz * share > 0.0] + points
     if len(points) < 2:
         raise UserError(
             f"motor {seen[0].motor + 1} was not seen to turn at two commands or more; check wiring and tracker, or "
             "measure by other means (--ask)"
         )
-    lowest, lowest_hz = points[0]
-    if former:
-        share = lowest_hz / (Curve(former).frequency_hz(lowest) or math.inf)
-        points = [(c, round(hz * share, 3)) for c, hz in former if c < lowest and hz * share > 0.0] + points
     return tuple(points)
 
 

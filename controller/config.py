@@ -142,7 +142,7 @@ class RobotFile(_Table, frozen=True, kw_only=True):
     search: SearchTable | None = None
     arena: ArenaTable | None = None
     trial: TrialTable = TrialTable()
-    body: str = ""
+    body: Literal["", "prism3", "icosahedron6"] = ""
 
     @property
     def motors(self) -> tuple[_Motor, ...]:

@@ -6,6 +6,7 @@ import random
 import socket
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -85,10 +86,14 @@ def open_mock(
     if robot_file.exists() and not robot_file.read_text(encoding="utf-8").startswith(_MARK):
         raise UserError(f"{robot_file} is not a mock's file and would be overwritten; choose another --link")
     tracker_port = _free_udp_port()
-    motion = Motion(_twin(twin), PoseSender(HOST, tracker_port))
     port, logic, line = _odrive_on_bus(*bus) if bus else _MOCKS[device](link)
-    mock = Mock(PluggedDevice(logic, port, motion, faults), port.name, robot_file, f"{HOST}:{tracker_port}")
-    robot_file.write_text(f"{_MARK}\n\n{_robot_file(twin, line, tracker_port)}", encoding="utf-8")
+    with ExitStack() as undo:
+        undo.callback(port.close)
+        motion = Motion(_twin(twin), PoseSender(HOST, tracker_port))
+        undo.callback(motion.close)
+        mock = Mock(PluggedDevice(logic, port, motion, faults), port.name, robot_file, f"{HOST}:{tracker_port}")
+        robot_file.write_text(f"{_MARK}\n\n{_robot_file(twin, line, tracker_port)}", encoding="utf-8")
+        undo.pop_all()
     return mock
 
 
@@ -147,10 +152,9 @@ def _robot_file(twin: str, line: LineTable, tracker_port: int) -> str:
     robot = RobotFile(
         line=(line,),
         tracker=StreamTable(host=HOST, port=tracker_port),
-        body=TWINS[twin],
         search=SearchTable(low_hz=_SEARCH_HZ[0], high_hz=_SEARCH_HZ[1]),
     )
-    return to_toml(msgspec.to_builtins(robot))
+    return to_toml({**msgspec.to_builtins(robot), "body": TWINS[twin]})
 
 
 def _free_udp_port() -> int:

@@ -79,8 +79,8 @@ class OdriveAxis:
         return []
 
     def tick(self, now_s: float) -> None:
-        """Let the watchdog run."""
-        if now_s - self.fed_s > WATCHDOG_S:
+        """Let the watchdog run, as long as the axis is armed."""
+        if self.state == AxisState.CLOSED_LOOP and now_s - self.fed_s > WATCHDOG_S:
             self.fail(self.bit(WATCHDOG))
 
     def frame(self, message: Message) -> Frame:

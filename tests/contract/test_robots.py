@@ -51,43 +51,43 @@ def hold(robot: Robot, gait: Gait, duration_s: float) -> None:
 
 
 def test_motors_take_up_the_gait_with_its_signs(robot: Robot) -> None:
-    hold(robot, GAIT, 0.8)
+    hold(robot, GAIT, 0.6)
 
     assert robot.motors.state().frequency_hz == pytest.approx(GAIT.frequency_hz, abs=0.2)
 
 
 def test_a_changed_gait_is_taken_up(robot: Robot) -> None:
     hold(robot, GAIT, 0.4)
-    hold(robot, GAIT.scaled(-1.0), 0.8)
+    hold(robot, GAIT.scaled(-1.0), 0.7)
 
     assert robot.motors.state().frequency_hz == pytest.approx(GAIT.scaled(-1.0).frequency_hz, abs=0.2)
 
 
 def test_a_command_expires(robot: Robot) -> None:
-    hold(robot, GAIT, 0.3)
+    hold(robot, GAIT, 0.2)
 
     robot.motors.drive(GAIT, 0.15)
-    robot.clock.sleep(0.15 + 0.6)
+    robot.clock.sleep(0.15 + 0.4)
 
     assert robot.motors.state().frequency_hz == pytest.approx(REST.frequency_hz, abs=0.5)
 
 
 def test_motors_stop_and_a_second_stop_does_no_harm(robot: Robot) -> None:
-    hold(robot, GAIT, 0.3)
+    hold(robot, GAIT, 0.2)
 
     robot.motors.stop()
     robot.motors.stop()
-    robot.clock.sleep(0.5)
+    robot.clock.sleep(0.4)
 
     assert robot.motors.state().frequency_hz == pytest.approx(REST.frequency_hz, abs=0.5)
 
 
 def test_motors_start_again_after_a_stop(robot: Robot) -> None:
-    hold(robot, GAIT, 0.3)
+    hold(robot, GAIT, 0.2)
     robot.motors.stop()
-    robot.clock.sleep(0.3)
+    robot.clock.sleep(0.2)
 
-    hold(robot, GAIT, 0.8)
+    hold(robot, GAIT, 0.6)
 
     assert robot.motors.state().frequency_hz == pytest.approx(GAIT.frequency_hz, abs=0.2)
 
@@ -112,14 +112,14 @@ def test_what_the_motors_cannot_set_is_refused(robot: Robot) -> None:
 
 
 def test_news_of_the_motors_is_on_the_robots_clock(robot: Robot) -> None:
-    hold(robot, GAIT, 0.3)
+    hold(robot, GAIT, 0.2)
 
     assert robot.clock.now_s() - 0.3 <= robot.motors.state().t_s <= robot.clock.now_s() + 0.01
 
 
 def test_poses_are_finite_and_on_the_robots_clock(robot: Robot) -> None:
     first = robot.tracker.pose()
-    hold(robot, GAIT, 0.5)
+    hold(robot, GAIT, 0.2)
     last = robot.tracker.pose()
 
     assert first.is_finite and last.is_finite
@@ -139,7 +139,7 @@ def test_sleeping_takes_its_time(robot: Robot) -> None:
 
 def test_closing_stops_the_motors_and_can_be_done_twice(source: str | MockProcess) -> None:
     robot = _opened(source)
-    hold(robot, GAIT, 0.3)
+    hold(robot, GAIT, 0.2)
 
     robot.close()
     robot.close()
@@ -149,9 +149,9 @@ def test_closing_stops_the_motors_and_can_be_done_twice(source: str | MockProces
 
 
 def test_a_trial_moves_the_robot_and_records_what_was_applied(robot: Robot) -> None:
-    trial = run_trial(robot, Gait((16.0, -15.0, 14.0)), TrialSettings(duration_s=1.0, heading_limit_rad=None))
+    trial = run_trial(robot, Gait((16.0, -15.0, 14.0)), TrialSettings(duration_s=0.7, heading_limit_rad=None))
 
     assert trial.outcome is Outcome.COMPLETED
-    assert trial.duration_s == pytest.approx(1.0, abs=0.06)
+    assert trial.duration_s == pytest.approx(0.7, abs=0.06)
     assert trial.states[-1].frequency_hz == pytest.approx((16.0, -15.0, 14.0), abs=0.3)
     assert max(math.dist(pose.position_m, trial.poses[0].position_m) for pose in trial.poses) > 0.0005
