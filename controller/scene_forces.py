@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 When = tuple[float, int]  # seconds since the run began, number of the trial
 
 _UNKNOWN = (150, 158, 170)
-_TENSIONS = ((70, 130, 250), (190, 190, 195), (245, 70, 50))  # none, the usual, twice the usual
+_TENSION_SHARES = (0.7, 1.0, 1.3)  # of the usual tension, the median; colours between are mixed
+_TENSION_COLOURS = ((70, 130, 250), (190, 190, 195), (245, 70, 50))
 _CONTACT = (120, 230, 150)
 _PUSH = (235, 130, 225)
 _ARROW_M_N = 0.05
@@ -63,9 +64,9 @@ def _spring_colours(each: Sequence[Forces | None]) -> rr.ComponentColumnList:
 
     tensions_n = np.array([tension_n for forces in each if forces for tension_n in forces.tensions_n])
     usual_n = float(np.median(tensions_n)) if len(tensions_n) else 0.0
-    scale = np.array([0.0, 1.0, 2.0]) * max(usual_n, 1e-9)
+    scale = np.array(_TENSION_SHARES) * max(usual_n, 1e-9)
     colours = [
-        np.stack([np.interp(forces.tensions_n, scale, part) for part in zip(*_TENSIONS, strict=True)], axis=1)
+        np.stack([np.interp(forces.tensions_n, scale, part) for part in zip(*_TENSION_COLOURS, strict=True)], axis=1)
         if forces and forces.tensions_n
         else np.array([_UNKNOWN], float)
         for forces in each
