@@ -47,7 +47,7 @@ SPATIAL_PARTS = Parts(
 TIME_STEP_S = 0.0005
 SETTLING_S = 3.0
 FOOT_M = 0.03  # from the middle to where the robot stands
-FASTEST_M_S = 20.0  # of a strut's middle; in strong gaits about 1
+FASTEST_M_S = 20.0  # of a strut's middle; in strong gaits less than 1
 
 
 class SpatialEngine:
@@ -59,6 +59,7 @@ class SpatialEngine:
 
     Raises:
         ValueError: MuJoCo is not installed.
+        Diverged: the body cannot even be put down.
     """
 
     def __init__(self, body: Body, world: World, time_step_s: float = 0.0) -> None:

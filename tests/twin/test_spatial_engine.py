@@ -214,6 +214,15 @@ def test_a_motion_that_breaks_down_is_a_fault_with_a_reason_and_leaves_no_file(t
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_state_that_stays_behind_the_clock_is_a_fault_and_not_a_robot_that_rests(engine):
+    engine.reset()
+    engine.step(STILL, 0.1)
+    engine._motion._state[0] -= 0.01
+
+    with pytest.raises(Diverged, match="MuJoCo went no further"):
+        engine.step(STILL, 0.1)
+
+
 def test_without_mujoco_the_error_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
 
