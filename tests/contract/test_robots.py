@@ -134,7 +134,7 @@ def test_sleeping_takes_its_time(robot: Robot) -> None:
 
     robot.clock.sleep(0.1)
 
-    assert robot.clock.now_s() - before_s >= 0.09
+    assert robot.clock.now_s() - before_s >= 0.05  # a sleep makes up for the lateness of the one before
 
 
 def test_closing_stops_the_motors_and_can_be_done_twice(source: str | MockProcess) -> None:
