@@ -6,7 +6,7 @@ import gc
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 
@@ -160,12 +160,14 @@ class JoinedMotors:
 
     def stop(self) -> None:
         """Stop all motors, also where one line cannot be told. Raises DeviceError for the first such line."""
+        # No line's motors turn on while another one's device is waited for.
         problems = []
-        for part in self._parts:
-            try:
-                part.motors.stop()
-            except DeviceError as error:
-                problems.append(error)
+        for act in (HeldMotors.tell_to_stop, HeldMotors.await_word):
+            for part in self._parts:
+                try:
+                    act(part.motors)
+                except DeviceError as error:
+                    problems.append(error)
         if problems:
             raise problems[0]
 
@@ -176,6 +178,9 @@ class JoinedMotors:
 
     def close(self) -> None:
         """Stop, then let go of all lines."""
+        for part in self._parts:
+            with suppress(DeviceError):
+                part.motors.tell_to_stop()
         for part in self._parts:
             part.close()
 

@@ -120,7 +120,7 @@ class HeldMotors:
         self._ramp = _Ramp(ramp_hz_s)
         self._sending = threading.Lock()
         self._gait: Gait | None = None
-        self._until_s = self._told_s = 0.0
+        self._until_s = self._told_s = self._stopped_s = 0.0
         self._problem: DeviceError | None = None
         self._open()
 
@@ -167,20 +167,27 @@ class HeldMotors:
         Raises:
             DeviceError: the device cannot be told, has had a fault meanwhile, or says nothing any more.
         """
+        self.tell_to_stop()
+        self.await_word()
+
+    def tell_to_stop(self) -> None:
+        """Do the first half of ``stop``: send it. Raises LinkLost."""
         with self._sending:
             self._gait = None
-            if self._closing.is_set():
-                return
             if isinstance(self._problem, LinkLost):
                 raise self._problem
-            self._rest()
-        # What went wrong since the runner last looked must not be missed at the end of a trial.
-        told_s = time.monotonic()
-        while self._line.heard_s <= told_s:
+            if not self._closing.is_set():
+                self._rest()
+                self._stopped_s = time.monotonic()
+
+    def await_word(self) -> None:
+        """Do the second half of ``stop``: what went wrong since the runner last looked must not be missed."""
+        while not self._closing.is_set() and self._line.heard_s <= self._stopped_s:
             self._raise_problem()
             self._check_heard(time.monotonic())
             time.sleep(_LOOK_S)
-        self._raise_problem()
+        if not self._closing.is_set():
+            self._raise_problem()
 
     def ready(self, patience_s: float = 0.0) -> None:
         """Make the motors ready for a trial: after any fault, open the line afresh. For use between trials only.

@@ -1,0 +1,156 @@
+"""One robot on two lines: a qik and an ODrive bus, each a device in a process of its own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from controller.assembly import open_rig
+from controller.config import RobotFile, load_robot_file
+from controller.hardware import HardwareRobot, open_hardware
+from controller.interface import DeviceFault, LinkLost, TrackingLost, UserError
+from controller.run_config import RobotChoice
+from controller.trial_runner import TrialSettings, run_trial
+from controller.types import Gait, Outcome
+from drivers.mock.faults import Fault, Kind
+from drivers.mock.process import MockProcess
+
+GAIT = Gait((6.0, -11.5, 16.5, 5.0, -7.0, 9.0))
+
+
+@pytest.fixture(scope="module")
+def qik(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MockProcess]:
+    with MockProcess("qik", tmp_path_factory.mktemp("qik") / "port") as mock:
+        yield mock
+
+
+@pytest.fixture(scope="module")
+def odrive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MockProcess]:
+    with MockProcess("odrive", tmp_path_factory.mktemp("odrive") / "port") as mock:
+        yield mock
+
+
+@pytest.fixture
+def robot_file(qik: MockProcess, odrive: MockProcess) -> RobotFile:
+    first, second = (load_robot_file(Path(mock.greeting.robot_file)) for mock in (qik, odrive))
+    return msgspec.structs.replace(first, line=(*first.line, *second.line))
+
+
+@pytest.fixture
+def robot(robot_file: RobotFile) -> Iterator[HardwareRobot]:
+    with closing(open_hardware(robot_file)) as robot:
+        yield robot
+
+
+def hold(robot: HardwareRobot, gait: Gait, duration_s: float) -> None:
+    end_s = time.monotonic() + duration_s
+    while time.monotonic() < end_s:
+        robot.motors.drive(gait, 0.25)
+        time.sleep(0.02)
+        robot.motors.state()
+
+
+def test_motors_of_two_lines_have_one_order(qik: MockProcess, odrive: MockProcess, robot: HardwareRobot) -> None:
+    hold(robot, GAIT, 0.4)
+
+    assert robot.motors.state().frequency_hz == pytest.approx(GAIT.frequency_hz, abs=0.1)
+    assert not robot.motors.state().measured
+    assert qik.wait_until(lambda status: True).applied_hz == pytest.approx(GAIT.frequency_hz[:3], abs=0.1)
+    assert odrive.wait_until(lambda status: True).applied_hz == pytest.approx(GAIT.frequency_hz[3:])
+
+
+def test_a_gait_that_one_line_cannot_apply_is_sent_to_none(
+    qik: MockProcess, odrive: MockProcess, robot: HardwareRobot
+) -> None:
+    with pytest.raises(ValueError, match="axis 2"):
+        robot.motors.drive(Gait((6.0, 6.0, 6.0, 5.0, 5.0, 99.0)), 0.25)
+
+    time.sleep(0.1)
+    assert qik.wait_until(lambda status: True).is_at_rest
+    assert odrive.wait_until(lambda status: True).is_at_rest
+
+
+def test_a_fault_on_one_line_stops_all_motors_and_the_next_trial_runs(
+    qik: MockProcess, odrive: MockProcess, robot: HardwareRobot
+) -> None:
+    hold(robot, GAIT, 0.2)
+    odrive.befall(Fault(kind=Kind.UNPLUG, at_s=0.0, duration_s=0.5))
+
+    with pytest.raises(LinkLost):
+        hold(robot, GAIT, 1.0)
+    with pytest.raises(LinkLost):
+        robot.motors.stop()
+
+    qik.wait_until(lambda status: status.is_at_rest, timeout_s=0.5)
+    odrive.wait_until(lambda status: status.is_at_rest, timeout_s=0.5)
+    trial = run_trial(robot, GAIT, TrialSettings(duration_s=0.4, heading_limit_rad=None))
+    assert trial.outcome is Outcome.COMPLETED
+
+
+def test_a_curve_corrects_what_a_motor_with_a_sensor_is_asked_for(odrive: MockProcess) -> None:
+    robot_file = load_robot_file(Path(odrive.greeting.robot_file))
+    line = robot_file.line[0]
+    motors = tuple(msgspec.structs.replace(motor, curve=((2.0, 1.0), (16.0, 8.0)), max_hz=8.0) for motor in line.motor)
+    robot_file = msgspec.structs.replace(robot_file, line=(msgspec.structs.replace(line, motor=motors),), search=None)
+
+    with closing(open_hardware(robot_file)) as robot:
+        hold(robot, Gait((4.0, -4.0, 0.5)), 0.3)
+        applied_hz = odrive.wait_until(lambda status: not status.is_at_rest).applied_hz
+
+    assert applied_hz == pytest.approx((8.0, -8.0, 0.0))
+
+
+def test_a_ramp_in_the_file_slows_the_start(odrive: MockProcess) -> None:
+    robot_file = load_robot_file(Path(odrive.greeting.robot_file))
+    line = robot_file.line[0]
+    motors = tuple(msgspec.structs.replace(motor, ramp_hz_s=20.0) for motor in line.motor)
+    robot_file = msgspec.structs.replace(robot_file, line=(msgspec.structs.replace(line, motor=motors),))
+
+    with closing(open_hardware(robot_file)) as robot:
+        begun_s = time.monotonic()
+        hold(robot, Gait((10.0, 10.0, 10.0)), 0.7)
+
+    rising = [status for status in odrive.statuses if begun_s < status.t_s < begun_s + 0.5]
+    assert all(status.applied_hz[0] <= 20.0 * (status.t_s - begun_s) + 0.5 for status in rising)
+
+
+def test_without_a_tracker_the_robot_does_not_open(robot_file: RobotFile) -> None:
+    elsewhere = msgspec.structs.replace(robot_file, tracker=msgspec.structs.replace(robot_file.tracker, port=0))
+
+    with pytest.raises(TrackingLost, match="is the tracker sending"):
+        open_hardware(elsewhere)
+
+
+def test_a_motor_without_a_sensor_wants_a_curve(qik: MockProcess) -> None:
+    robot_file = load_robot_file(Path(qik.greeting.robot_file))
+    line = robot_file.line[0]
+    motors = tuple(msgspec.structs.replace(motor, curve=()) for motor in line.motor)
+    robot_file = msgspec.structs.replace(robot_file, line=(msgspec.structs.replace(line, motor=motors),))
+
+    with pytest.raises(UserError, match="has no curve; run vvvaltr calibrate first"):
+        open_hardware(robot_file)
+
+
+def test_learning_gets_limits_search_and_trials_from_the_file(qik: MockProcess) -> None:
+    robot_file = load_robot_file(Path(qik.greeting.robot_file))
+    choice = RobotChoice(name=qik.greeting.robot_file, file=msgspec.to_builtins(robot_file))
+
+    rig = open_rig(choice, seed=0)
+    with closing(rig.robot), pytest.raises(ValueError, match="outside its limits"):
+        rig.robot.motors.drive(Gait((17.0, 0.0, 0.0)), 0.25)
+
+    assert rig.range_hz == (4.0, 16.0)
+    assert rig.settings.period_s == 0.04
+
+
+def test_a_node_with_other_motors_than_the_file_is_refused(tmp_path: Path) -> None:
+    with MockProcess("node", tmp_path / "port") as mock:
+        robot_file = load_robot_file(Path(mock.greeting.robot_file))
+        line = msgspec.structs.replace(robot_file.line[0], motor=robot_file.line[0].motor[:2])
+        with pytest.raises(DeviceFault, match="the node has 3 motors, the robot's file 2"):
+            open_hardware(msgspec.structs.replace(robot_file, line=(line,)))
