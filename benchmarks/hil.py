@@ -241,6 +241,12 @@ def _spread(name: str, values_ms: list[float]) -> dict[str, float]:
     return {f"{name}_p50_ms": float(p50), f"{name}_p99_ms": float(p99), f"{name}_worst_ms": max(values_ms)}
 
 
+def _shown(figures: dict[str, float]) -> dict[str, float]:
+    for key, figure in figures.items():
+        print(f"{key:44} {figure:8.2f}", flush=True)
+    return figures
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -252,11 +258,9 @@ def main() -> None:
     figures: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as directory:
         for name in DEVICES:
-            figures |= figures_of(name, Path(directory), Counts(arguments.commands, arguments.repeats))
-        figures["set_point_longest_gap_ms"] = gap_of_all(Path(directory), arguments.duration)
-        figures["set_point_duration_s"] = arguments.duration
-    for key, figure in figures.items():
-        print(f"{key:44} {figure:8.2f}")
+            figures |= _shown(figures_of(name, Path(directory), Counts(arguments.commands, arguments.repeats)))
+        gap_ms = gap_of_all(Path(directory), arguments.duration)
+        figures |= _shown({"set_point_longest_gap_ms": gap_ms, "set_point_duration_s": arguments.duration})
     if arguments.json:
         print(json.dumps({key: round(figure, 3) for key, figure in figures.items()}))
 

@@ -14,7 +14,7 @@ from drivers.link import lost_link
 
 _SYMPTOMS = (can.CanError, TypeError)
 _GARBLED = (ValueError, IndexError)  # what the slcan parser raises for a line that is not a frame
-_WRITE_TIMEOUT_S = 0.05
+_WRITE_TIMEOUT_S = 0.2  # pyserial also counts the time for which this process itself was held up
 _BACKLOG_S = 0.02  # how long after a deadline frames that wait already are still taken in
 # The bus adapter needs no time to start, and a longer read timeout wakes the I/O thread less often.
 _SLCAN = {"sleep_after_open": 0.0, "timeout": 0.005}
@@ -53,7 +53,7 @@ class CanLink:
         return self._name
 
     def send(self, frame: Frame) -> None:
-        """Send a frame. A bus that does not take it within 50 ms is lost. Raises LinkLost."""
+        """Send a frame. A bus that does not take it within 0.2 s is lost. Raises LinkLost."""
         message = can.Message(
             arbitration_id=frame.identifier,
             data=frame.data,

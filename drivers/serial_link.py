@@ -13,7 +13,7 @@ from drivers.link import lost_link
 
 # What an unplugged line raises besides OSError: `flush` and set-up; a file number that has become None.
 _SYMPTOMS = (serial.SerialException, termios.error, TypeError)
-_WRITE_TIMEOUT_S = 0.05
+_WRITE_TIMEOUT_S = 0.2  # pyserial also counts the time for which this process itself was held up
 
 
 class SerialLink:
@@ -38,7 +38,7 @@ class SerialLink:
         return self._name
 
     def write(self, data: bytes) -> None:
-        """Send all of ``data``. A line that does not take it within 50 ms is lost. Raises LinkLost."""
+        """Send all of ``data``. A line that does not take it within 0.2 s is lost. Raises LinkLost."""
         # A write that times out may have been accepted, so it is never repeated from here.
         with lost_link(self._name, *_SYMPTOMS):
             self._serial.write(data)
