@@ -59,8 +59,14 @@ class Counts:
     repeats: int
 
 
-def latencies_ms(observed: ObservedDevice, robot: HardwareRobot, count: int) -> tuple[list[float], list[float]]:
-    """Return how long it took from each command until all motors were on, and from each stop until all were off."""
+def latencies_ms(
+    observed: ObservedDevice, robot: HardwareRobot, count: int, is_one_message: bool
+) -> tuple[list[float], list[float]]:
+    """Return how long it took from each command until all motors were on, and from each stop until all were off.
+
+    Where all motors are told in one message, the first that is on tells that it has come: a loop that is closed may
+    hold another one's output at nothing for a moment, while that motor runs down.
+    """
     dice = random.Random(0)
     starts, stops = [], []
     for _ in range(count):
@@ -68,7 +74,8 @@ def latencies_ms(observed: ObservedDevice, robot: HardwareRobot, count: int) -> 
         told_s = time.monotonic()
         robot.motors.drive(ON, 0.25)
         time.sleep(0.03 + 0.02 * dice.random())
-        starts += [change.t_s - told_s for change in observed.note().changes if change.are_all_on]
+        changes = [c for c in observed.note().changes if c.are_all_on or (is_one_message and not c.are_all_off)]
+        starts += [change.t_s - told_s for change in changes[:1]]
         told_s = time.monotonic()
         robot.motors.stop()
         time.sleep(0.03 + 0.02 * dice.random())
@@ -215,7 +222,7 @@ def figures_of(name: str, directory: Path, counts: Counts) -> dict[str, float]:
     with ObservedDevice(name, directory / name) as observed:
         robot_file = load_robot_file(observed.robot_file)
         with closing(open_hardware(robot_file)) as robot:
-            starts, stops = latencies_ms(observed, robot, counts.commands)
+            starts, stops = latencies_ms(observed, robot, counts.commands, is_one_message=name == "node")
             figures |= _spread(f"{name}_command_to_applied", starts) | _spread(f"{name}_stop_to_rest", stops)
             for cause, failure in (("exception", RuntimeError()), ("enospc", OSError(28, "")), ("lost_tracker", None)):
                 rests = [rest_after_ms(observed, robot, failure) for _ in range(counts.repeats)]
@@ -261,6 +268,7 @@ def main() -> None:
             figures |= _shown(figures_of(name, Path(directory), Counts(arguments.commands, arguments.repeats)))
         gap_ms = gap_of_all(Path(directory), arguments.duration)
         figures |= _shown({"set_point_longest_gap_ms": gap_ms, "set_point_duration_s": arguments.duration})
+    figures |= _shown({"load_average_of_15_minutes": os.getloadavg()[2]})
     if arguments.json:
         print(json.dumps({key: round(figure, 3) for key, figure in figures.items()}))
 
