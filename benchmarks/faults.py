@@ -31,6 +31,7 @@ from drivers.mock.faults import Fault, Kind
 _DURATION_S = 0.7
 _FAULTS_PER_RUN = 20
 _REST_S = 1.0
+_ATTEMPTS = 40  # to go on after a fault: the longest spoils 30 replies, and an attempt may ask for one
 _RAMP_S, _END_S = 0.35, 0.1  # of a trial, in which motors may be off
 
 
@@ -78,7 +79,7 @@ def suffer(device: str, faults: int, seed: int) -> Counter[str]:
             counts += _learned(path, observed, number % _FAULTS_PER_RUN + 2)
             timer.join()
             if counts["spoilt_trials_learned_from"] > spoilt:
-                print(f"spoilt by {fault}", flush=True)
+                print(f"{device}: spoilt by {fault}", flush=True)
             try:
                 observed.rested_s(_REST_S)
             except TimeoutError:
@@ -89,7 +90,7 @@ def suffer(device: str, faults: int, seed: int) -> Counter[str]:
 def _learned(path: Path, observed: ObservedDevice, trials: int) -> Counter[str]:
     """Go on with a run until it has so many valid trials, resuming it as often as it ends before."""
     counts: Counter[str] = Counter()
-    for _ in range(20):
+    for _ in range(_ATTEMPTS):
         try:
             asked = {"trials": trials, "duration_s": _DURATION_S, "robot": {"name": str(observed.robot_file)}}
             run = RunDirectory.resume(path, {"trials": trials}) if path.exists() else RunDirectory.create(path, asked)

@@ -83,8 +83,13 @@ def latencies_ms(
     return [1000.0 * s for s in starts], [1000.0 * s for s in stops]
 
 
-def longest_gap_ms(observed: Sequence[ObservedDevice], robots: Sequence[HardwareRobot], duration_s: float) -> float:
-    """Return the longest time that a device was told nothing while the learner thought about its next trials."""
+def longest_gaps(
+    observed: Sequence[ObservedDevice], robots: Sequence[HardwareRobot], duration_s: float
+) -> dict[str, float]:
+    """Return the longest time that a device was told nothing while the learner thought about its next trials.
+
+    Beside it stands the longest time for which the machine held up a device, which has precedence over the learner.
+    """
     for robot in robots:
         robot.motors.drive(ON, duration_s + 10.0)
     time.sleep(0.1)
@@ -97,7 +102,11 @@ def longest_gap_ms(observed: Sequence[ObservedDevice], robots: Sequence[Hardware
         robot.motors.stop()
     if any(note.changes or note.are_all_off for note in notes):
         raise RuntimeError("the motors did not run all the time")
-    return 1000.0 * max(note.longest_gap_s for note in notes)
+    return {
+        "set_point_longest_gap_ms": 1000.0 * max(note.longest_gap_s for note in notes),
+        "device_longest_pause_ms": 1000.0 * max(note.longest_pause_s for note in notes),
+        "set_point_duration_s": duration_s,
+    }
 
 
 def _learn_until(deadline_s: float) -> None:
@@ -234,13 +243,13 @@ def figures_of(name: str, directory: Path, counts: Counts) -> dict[str, float]:
     return figures
 
 
-def gap_of_all(directory: Path, duration_s: float) -> float:
-    """Return the longest gap over all devices, driven by one process at the same time."""
+def gaps_of_all(directory: Path, duration_s: float) -> dict[str, float]:
+    """Return the longest gaps over all devices, driven by one process at the same time."""
     with ExitStack() as stack:
         observed = [stack.enter_context(ObservedDevice(name, directory / f"{name}-gap")) for name in DEVICES]
         files = [load_robot_file(device.robot_file) for device in observed]
         robots = [stack.enter_context(closing(open_hardware(robot_file))) for robot_file in files]
-        return longest_gap_ms(observed, robots, duration_s)
+        return longest_gaps(observed, robots, duration_s)
 
 
 def _spread(name: str, values_ms: list[float]) -> dict[str, float]:
@@ -266,8 +275,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as directory:
         for name in DEVICES:
             figures |= _shown(figures_of(name, Path(directory), Counts(arguments.commands, arguments.repeats)))
-        gap_ms = gap_of_all(Path(directory), arguments.duration)
-        figures |= _shown({"set_point_longest_gap_ms": gap_ms, "set_point_duration_s": arguments.duration})
+        figures |= _shown(gaps_of_all(Path(directory), arguments.duration))
     figures |= _shown({"load_average_of_15_minutes": os.getloadavg()[2]})
     if arguments.json:
         print(json.dumps({key: round(figure, 3) for key, figure in figures.items()}))

@@ -28,12 +28,14 @@ class Note:
     Args:
         changes: of its motors.
         longest_gap_s: between two times that it was told something while motors were on.
+        longest_pause_s: for which the device itself was held up by the machine; a gap may be no more than that.
         are_all_off: whether all motors are off now.
         watchdog: whether its watchdog has stopped them.
     """
 
     changes: tuple[Change, ...]
     longest_gap_s: float
+    longest_pause_s: float
     are_all_off: bool
     watchdog: bool
 
@@ -87,23 +89,25 @@ def _serve(device: str, link: Path, pipe: Connection) -> None:
     pipe.send(str(mock.robot_file))
     changes: list[Change] = []
     heard_s: float | None = None
-    longest_gap_s = 0.0
+    longest_gap_s = longest_pause_s = 0.0
+    before_s = time.monotonic()
     last = (False, True)
 
     def each_time(_: float) -> bool:
-        nonlocal longest_gap_s
+        nonlocal longest_gap_s, longest_pause_s
         if not pipe.poll():
             return False
         match request := pipe.recv():
             case Fault():
                 mock.plugged.befall(request)
             case "note":
-                pipe.send(Note(tuple(changes), longest_gap_s, last[1], mock.plugged.watchdog))
+                pipe.send(Note(tuple(changes), longest_gap_s, longest_pause_s, last[1], mock.plugged.watchdog))
                 changes.clear()
-                longest_gap_s = 0.0
+                longest_gap_s = longest_pause_s = 0.0
         return request is None
 
     while not each_time(now_s := time.monotonic()):
+        longest_pause_s, before_s = max(longest_pause_s, now_s - before_s), now_s
         heard = mock.plugged.step(now_s)
         done_s = time.monotonic()
         applied = mock.plugged.applied_hz

@@ -30,6 +30,7 @@ TRIALS = 40
 POINTS = 50
 TIMINGS = 5
 REQUIREMENTS = (("torch==2.13.0",), ("botorch", "scikit-optimize"))
+PROBLEMS = ("hartmann3", "hartmann6", "twin_rough", "twin_damaged")
 PEERS = ("botorch", "scikit-optimize")
 
 
@@ -184,19 +185,16 @@ def recommended(program: Ours | PeerProcess, problem: Problem, seed: int) -> Arr
     return program.recommend(x, y)
 
 
-def problems() -> dict[str, Problem]:
-    """Return the functions by name."""
-    from benchmarks.surfaces import hartmann3, hartmann6
+def problem(name: str) -> Problem:
+    """Return the function called ``name``."""
+    from benchmarks import surfaces
 
-    return {
-        "hartmann3": hartmann3(),
-        "hartmann6": hartmann6(),
-        "twin_rough": TwinProblem("rough"),
-        "twin_damaged": TwinProblem("damaged"),
-    }
+    return TwinProblem(name.removeprefix("twin_")) if name.startswith("twin_") else getattr(surfaces, name)()
 
 
-def regrets(programs: dict[str, Ours | PeerProcess], seeds: Sequence[int]) -> dict[str, float]:
+def regrets(
+    programs: dict[str, Ours | PeerProcess], problems: dict[str, Problem], seeds: Sequence[int]
+) -> dict[str, float]:
     """Return mean simple regrets in percent of the best value, with their standard errors.
 
     The best value of a twin, which nobody knows, is the greatest true speed of all gaits that any program recommended.
@@ -204,7 +202,7 @@ def regrets(programs: dict[str, Ours | PeerProcess], seeds: Sequence[int]) -> di
     import numpy as np
 
     figures: dict[str, float] = {}
-    for problem_name, problem in problems().items():
+    for problem_name, problem in problems.items():
         true = {name: np.empty(len(seeds)) for name in programs}
         for index, seed in enumerate(seeds):
             for name, program in programs.items():
@@ -265,6 +263,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     parser.add_argument("--seeds", type=int, default=20, help="runs of each function (default 20)")
+    parser.add_argument("--problems", nargs="*", choices=PROBLEMS, default=PROBLEMS, help="functions (default all)")
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
     parser.add_argument("--cache", type=Path, default=cache / "vvvaltr" / "peers", help="the peers' environment")
     arguments = parser.parse_args()
@@ -274,7 +273,8 @@ def main() -> None:
     with peer("botorch", python) as botorch, peer("scikit-optimize", python) as skopt:
         peers = {"botorch": botorch, "scikit-optimize": skopt}
         figures = times(peers)
-        figures |= ratios(figures) | regrets({"ours": Ours(), "botorch": botorch}, range(arguments.seeds))
+        chosen = {name: problem(name) for name in arguments.problems}
+        figures |= ratios(figures) | regrets({"ours": Ours(), "botorch": botorch}, chosen, range(arguments.seeds))
     for name, figure in figures.items():
         print(f"{name:55} {figure:8.2f}")
     if arguments.json:

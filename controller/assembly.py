@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from controller.interface import UserError
-from controller.run_config import RobotChoice
+from controller.run_config import RobotChoice, option
 from controller.safety import GuardedRobot, Limits
 from controller.trial_runner import TrialSettings
 
@@ -58,12 +58,18 @@ def choose_robot(asked: dict[str, Any]) -> RobotChoice:
         with one_line_errors():
             return _explicit(RobotChoice(**{**usual, **asked, "name": name}))
     if not name.endswith(".toml"):
-        raise UserError(f"robot {name!r} is unknown: say {', '.join(TWINS)}, or name a robot's file, FILE.toml")
+        raise UserError(_unknown(name))
     if condition := [key for key in asked if key != "name"]:
-        raise UserError(f"{condition[0]}: only a twin's can be chosen, and {name} is a real robot")
+        raise UserError(
+            f"{option(condition[0])}: only a twin's can be chosen, and {name} is a real robot; leave it out"
+        )
     from controller.config import load_robot_file
 
     return RobotChoice(name=name, file=msgspec.to_builtins(load_robot_file(Path(name))))
+
+
+def _unknown(name: str) -> str:
+    return f"robot {name!r} is unknown: say {', '.join(TWINS)}, or name a robot's file, FILE.toml"
 
 
 def _explicit(choice: RobotChoice) -> RobotChoice:
@@ -90,12 +96,14 @@ def make_twin(choice: RobotChoice, seed: int) -> TwinRobot:
     from twin import robot
     from twin.world import world_named
 
+    if choice.name not in TWINS:
+        raise ValueError(_unknown(choice.name))
     make: Callable[..., TwinRobot] = getattr(robot, f"{choice.name}_robot")
     return make(
-        body=choice.body,
+        body=choice.body or TWINS[choice.name],
         world=world_named(choice.world or "flat", choice.gravity_m_s2, choice.friction),
         damage=choice.damage or (),
-        law=choice.law,
+        law=choice.law or "eccentric",
         seed=seed,
     )
 

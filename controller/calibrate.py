@@ -13,7 +13,7 @@ import msgspec
 
 from controller.config import Points, QikLineTable, RobotFile
 from controller.document import to_toml
-from controller.hardware import HardwareRobot
+from controller.hardware import HardwareRobot, greatest_command
 from controller.interface import UserError
 from controller.types import Gait
 from controller.vibration import Peak, applied, shaking, strongest, watch
@@ -39,10 +39,11 @@ def without_curves(robot: RobotFile) -> RobotFile:
     lines = []
     for line in robot.line:
         curve: Points = ()
-        limits_hz = [motor.max_hz for motor in line.motor]
         if isinstance(line, QikLineTable):
             full = 255.0 if line.eight_bit else 127.0
             curve, limits_hz = ((1.0, 1.0), (full, full)), [full] * len(line.motor)
+        else:
+            limits_hz = [greatest_command(motor) for motor in line.motor]
         motors = tuple(
             msgspec.structs.replace(motor, curve=curve, max_hz=limit_hz)
             for motor, limit_hz in zip(line.motor, limits_hz, strict=True)
@@ -129,8 +130,9 @@ def fitted(seen: Sequence[Reading], former: Points) -> Points:
     """
     points: list[tuple[float, float]] = []
     for reading in sorted(seen, key=lambda reading: -reading.command):
-        if reading.frequency_hz > 0.0 and (not points or reading.frequency_hz < points[0][1]):
-            points.insert(0, (reading.command, round(reading.frequency_hz, 3)))
+        frequency_hz = round(reading.frequency_hz, 3)
+        if frequency_hz > 0.0 and (not points or frequency_hz < points[0][1]):
+            points.insert(0, (reading.command, frequency_hz))
     if points and former:
         lowest, lowest_hz = points[0]
         share = lowest_hz / (Curve(former).frequency_hz(lowest) or math.inf)

@@ -23,6 +23,7 @@ _SETTLE_S, _LOOK_S = 0.6, 1.0
 _TOLERANCE = 0.15
 _CLEAR = 1.6
 _GREETING_S = 2.0
+_RUN_DOWN_S, _AT_REST_HZ = 0.6, 1.0
 _LEAST_RATE_HZ, _MOST_JITTER_M = 20.0, 0.005
 
 
@@ -96,16 +97,23 @@ def _watchdog_finding(name: str, line: MotorLine, gait: Gait) -> Finding:
         line.repeat(gait)
         line.listen(now_s + line.period_s)
     time.sleep(line.watchdog_s + 0.1)
-    try:
-        line.listen(time.monotonic() + 0.3)
-    except DeviceFault as fault:
-        if fault.code == WATCHDOG:
-            return Finding(name, True, f"stops the motors within {line.watchdog_s:g} s of silence")
-        raise
+    has_stopped = False
+    while (now_s := time.monotonic()) < end_s + line.watchdog_s + _RUN_DOWN_S:
+        try:
+            line.listen(now_s + line.period_s)
+        except DeviceFault as fault:
+            if fault.code != WATCHDOG:
+                raise
+            has_stopped = True
+    state = line.state()
+    turning = [n for n, hz in enumerate(state.frequency_hz, start=1) if state.measured and abs(hz) > _AT_REST_HZ]
+    if has_stopped and not turning:
+        return Finding(name, True, f"stops the motors within {line.watchdog_s:g} s of silence")
+    motors = f"motor {turning[0]} of the line" if has_stopped else "its motors"
     return Finding(
         name,
         False,
-        f"{line.watchdog_s:g} s after the last command the device has not stopped its motors",
+        f"{line.watchdog_s:g} s after the last command the device has not stopped {motors}",
         "switch on the watchdog in the device's configuration, for 0.25 s",
     )
 

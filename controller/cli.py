@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import json
 import os
@@ -24,8 +25,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     interrupt_on_signals()
     # Before numpy is imported: at these sizes its threads gain nothing, and their number would change the last bits.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    parsed = _parser().parse_args(arguments)
+    parsed = argparse.Namespace(debug=False)
     try:
+        parsed = _parser().parse_args(arguments)
         return _print(parsed.execute(parsed), as_json=parsed.json)
     except KeyboardInterrupt as interrupt:
         return _fail(f"interrupted ({interrupt})" if str(interrupt) else "interrupted", 130)
@@ -35,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.close()  # nobody reads on; the interpreter would complain at exit
         return 1
     except OSError as error:
-        return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
+        return _fail(_refusal(error), 1)
     except Exception as error:  # the last boundary: a defect of ours, told in one line
         return _fail(_defect(error, show_traceback=parsed.debug), 1)
 
@@ -83,6 +85,13 @@ def _print(answer: Answer | None, as_json: bool) -> int:
 def _fail(line: str, status: int) -> int:
     print("vvvaltr: " + " ".join(line.split()), file=sys.stderr, flush=True)
     return status
+
+
+def _refusal(error: OSError) -> str:
+    said = error.strerror or str(error)
+    if error.errno == errno.ENOSPC:
+        said += "; free some space, then go on: with a run by --resume, with anything else by the same command"
+    return f"{error.filename}: {said}" if error.filename else said
 
 
 def _defect(error: Exception, show_traceback: bool) -> str:

@@ -15,9 +15,11 @@ from controller.safety import Arena, Limits
 from controller.trial_runner import TrialSettings
 from drivers.calibration import Curve
 from drivers.odrive import Firmware
+from drivers.qik import GREATEST_BAUD, QikSettings, check_baud, check_commands
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
+Pause = Annotated[float, Meta(ge=0, le=3600)]
 Points = tuple[tuple[Positive, Positive], ...]
 
 
@@ -61,13 +63,18 @@ class QikLineTable(_Table, frozen=True, kw_only=True, tag="qik", tag_field="driv
     """Pololu qik 2s9v1 boards on a serial line; see ``drivers.qik.QikSettings``."""
 
     port: str
-    baud: Annotated[int, Meta(ge=1200, le=38400)] = 19200
+    baud: Annotated[int, Meta(ge=1200, le=GREATEST_BAUD)] = 19200
     motor: tuple[QikMotorTable, ...]
     eight_bit: bool = False
     crc: bool = False
-    timeout: Annotated[int, Meta(ge=1, le=127)] = 1
+    timeout: Annotated[int, Meta(ge=0, le=127)] = 1
     spin_up_s: NotNegative = 0.2
     spin_up_below: Annotated[int, Meta(ge=0, le=255)] = 25
+
+    @property
+    def settings(self) -> QikSettings:
+        """How the boards are run. Raises ValueError."""
+        return QikSettings(self.eight_bit, self.crc, self.timeout, self.spin_up_s, self.spin_up_below)
 
 
 class OdriveLineTable(_Table, frozen=True, kw_only=True, tag="odrive", tag_field="driver"):
@@ -110,9 +117,9 @@ class ArenaTable(_Table, frozen=True, kw_only=True):
 class TrialTable(_Table, frozen=True, kw_only=True):
     """How trials are run unless the command line says otherwise; see ``TrialSettings``."""
 
-    duration_s: Positive = 5.0
-    settle_s: NotNegative = 0.3
-    ramp_s: NotNegative = 0.2
+    duration_s: Annotated[float, Meta(ge=0.1, le=3600)] = 5.0
+    settle_s: Pause = 0.3
+    ramp_s: Pause = 0.2
     period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.04
     hold_s: Annotated[float, Meta(gt=0, le=1)] = 0.25
     heading_limit_rad: Positive = 1.0
@@ -191,6 +198,10 @@ def _check_motors(robot: RobotFile) -> None:
     if not robot.motors:
         raise ValueError("line.motor is empty; a robot has one motor or more")
     for i, line in enumerate(robot.line, start=1):
+        if not line.motor:
+            raise ValueError(f"line[{i}].motor is empty; a line has one motor or more")
+        if isinstance(line, QikLineTable):
+            _check_qik(line, f"line[{i}]")
         places = set()
         for j, motor in enumerate(line.motor, start=1):
             key = f"line[{i}].motor[{j}]"
@@ -218,6 +229,18 @@ def _check_curve(motor: _Motor, key: str) -> None:
         raise ValueError(f"{key}.curve: {error}") from None
     if motor.max_hz > curve.highest_hz + 1e-9:
         raise ValueError(f"{key}.max_hz is {motor.max_hz:g}; allowed: up to {curve.highest_hz:g}, where its curve ends")
+
+
+def _check_qik(line: QikLineTable, key: str) -> None:
+    try:
+        check_baud(line.baud, len(line.motor), line.settings.has_crc)
+    except ValueError as error:
+        raise ValueError(f"{key}.{error}") from None
+    for j, motor in enumerate(line.motor, start=1):
+        try:
+            check_commands(motor.curve, line.eight_bit)
+        except ValueError as error:
+            raise ValueError(f"{key}.motor[{j}].curve: {error}") from None
 
 
 def _check_rest(robot: RobotFile) -> None:

@@ -9,18 +9,30 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 from controller.clock import WallClock
-from controller.config import LineTable, NodeLineTable, OdriveLineTable, QikLineTable, RobotFile
+from controller.config import (
+    LineTable,
+    NodeLineTable,
+    NodeMotorTable,
+    OdriveLineTable,
+    OdriveMotorTable,
+    QikLineTable,
+    RobotFile,
+)
 from controller.interface import DeviceError, DeviceFault, TrackingLost, UserError
 from controller.types import Gait, MotorState, Pose, Quantity, Structure
 from drivers.calibration import Curve
 from drivers.keepalive import HeldMotors, MotorLine
 from drivers.trackers.stream import StreamTracker
 
+if TYPE_CHECKING:
+    from drivers.node import NodeLine
+
 _GREETING_S, _LOOK_S = 2.0, 0.02
 _PATIENCE_S = 10.0  # with a device that starts anew, or is being plugged in again
-_SWITCH_S = 5e-4  # how long another thread may hold the interpreter before an I/O thread gets it
+_SWITCH_S = 1e-4  # how long another thread may hold the interpreter before an I/O thread gets it
 
 
 def open_hardware(robot: RobotFile) -> HardwareRobot:
@@ -94,15 +106,14 @@ def _qik_opener(line: QikLineTable) -> Callable[[], MotorLine]:
                 f"line {line.port}: the motor on board {motor.board}, output {motor.output} has no curve; "
                 "run vvvaltr calibrate first"
             )
-    motors = [qik.QikMotor(motor.board, motor.output, Curve(motor.curve)) for motor in line.motor]
-    settings = qik.QikSettings(line.eight_bit, line.crc, line.timeout, line.spin_up_s, line.spin_up_below)
-    return partial(qik.open_line, line.port, line.baud, motors, settings)
+    motors = [qik.QikMotor(motor.board, motor.output, Curve(motor.curve), motor.max_hz) for motor in line.motor]
+    return partial(qik.open_line, line.port, line.baud, motors, line.settings)
 
 
 def _odrive_opener(line: OdriveLineTable) -> Callable[[], MotorLine]:
     from drivers import odrive
 
-    motors = [odrive.OdriveMotor(motor.node, motor.max_hz, motor.max_a or None) for motor in line.motor]
+    motors = [odrive.OdriveMotor(motor.node, greatest_command(motor), motor.max_a or None) for motor in line.motor]
     return partial(
         odrive.open_line, line.interface, line.channel, line.bitrate, motors, line.firmware, dict(line.options)
     )
@@ -113,12 +124,32 @@ def _open_node(line: NodeLineTable) -> MotorLine:
     from drivers.serial_link import SerialLink
 
     node = open_node(SerialLink(line.port, line.baud))
-    if node.motor_count != len(line.motor):
+    try:
+        _check_node(node, line)
+    except DeviceFault:
         node.close()
+        raise
+    return node
+
+
+def _check_node(node: NodeLine, line: NodeLineTable) -> None:
+    """Raise DeviceFault if the node is not what the robot's file says."""
+    if node.motor_count != len(line.motor):
         raise DeviceFault(
             "motors", f"{line.port}: the node has {node.motor_count} motors, the robot's file {len(line.motor)}"
         )
-    return node
+    for number, motor in enumerate(line.motor, start=1):
+        if (command := greatest_command(motor)) > node.welcome.max_hz + 1e-9:
+            raise DeviceFault(
+                "max_hz",
+                f"{line.port}: motor {number} of the line: the robot's file allows {command:g} Hz, the node's firmware "
+                f"{node.welcome.max_hz:g} Hz; lower max_hz in the file, or raise it in the firmware",
+            )
+
+
+def greatest_command(motor: NodeMotorTable | OdriveMotorTable) -> float:
+    """Return what a motor is asked for so that it turns at its ``max_hz``."""
+    return Curve(motor.curve).command(motor.max_hz) if motor.curve else motor.max_hz
 
 
 class JoinedMotors:

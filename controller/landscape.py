@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
@@ -19,7 +20,7 @@ from controller.assembly import make_twin
 from controller.run_config import RobotChoice
 from controller.scoring import score
 from controller.trial_runner import TrialSettings, run_trial
-from controller.types import Gait
+from controller.types import Gait, Outcome
 from twin.batch import run_all
 from twin.robot import TwinRobot
 
@@ -76,10 +77,14 @@ def measure(survey: Survey, jobs: int, progress: Callable[[Iterable[float]], Ite
         survey: what to measure.
         jobs: how much at a time.
         progress: wraps the stream of speeds, one per trial, to show how far it is.
+
+    Raises:
+        KeyboardInterrupt: somebody ended the program; what was running is given up.
     """
     trials = [gait for gait in survey.gaits() for _ in range(survey.repeats)]
     tasks = [partial(_speed_m_s, survey, gait, number) for number, gait in enumerate(trials, start=1)]
-    speeds = np.array(list(progress(run_all(partial(make_twin, survey.choice, survey.seed), tasks, jobs))))
+    with closing(run_all(partial(make_twin, survey.choice, survey.seed), tasks, jobs)) as results:
+        speeds = np.array(list(progress(results)))
     by_gait = np.ma.masked_invalid(speeds.reshape(len(survey.pairs), survey.grid, survey.grid, survey.repeats))
     means = by_gait.mean(axis=3).filled(np.nan)
     return tuple(Panel(pair, survey.frequency_hz, mean) for pair, mean in zip(survey.pairs, means, strict=True))
@@ -88,6 +93,8 @@ def measure(survey: Survey, jobs: int, progress: Callable[[Iterable[float]], Ite
 def _speed_m_s(survey: Survey, gait: Gait, number: int, robot: TwinRobot) -> float:
     """Return the speed of one trial, NaN where it measured nothing."""
     trial = run_trial(robot, gait, survey.settings, number)
+    if trial.outcome is Outcome.INTERRUPTED:
+        raise KeyboardInterrupt(trial.reason)
     return score(trial, survey.score_name) if trial.outcome.is_valid else math.nan
 
 

@@ -133,7 +133,8 @@ class _Plan:
     def _is_search_over(self) -> bool:
         if self._searched >= self._budget.search_trials:
             return True
-        return self._budget.stop_below > 0.0 and self._optimizer.improvement() < self._budget.stop_below
+        has_begun, stop_below = self._searched > 0, self._budget.stop_below
+        return has_begun and stop_below > 0.0 and self._optimizer.improvement() < stop_below
 
     def _begin_confirmation(self) -> tuple[Gait, ...]:
         """Return the gaits to confirm, chosen once: what is seen of them must not choose them anew."""

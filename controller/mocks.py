@@ -83,7 +83,7 @@ def open_mock(
         ValueError: the port's name is taken.
     """
     robot_file = link.with_name(f"{link.name}.toml")
-    if robot_file.exists() and not robot_file.read_text(encoding="utf-8").startswith(_MARK):
+    if robot_file.exists() and not robot_file.read_bytes().startswith(_MARK.encode()):
         raise UserError(f"{robot_file} is not a mock's file and would be overwritten; choose another --link")
     tracker_port = _free_udp_port()
     port, logic, line = _odrive_on_bus(*bus) if bus else _MOCKS[device](link)
@@ -92,6 +92,7 @@ def open_mock(
         motion = Motion(_twin(twin), PoseSender(HOST, tracker_port))
         undo.callback(motion.close)
         mock = Mock(PluggedDevice(logic, port, motion, faults), port.name, robot_file, f"{HOST}:{tracker_port}")
+        undo.callback(robot_file.unlink, missing_ok=True)
         robot_file.write_text(f"{_MARK}\n\n{_robot_file(twin, line, tracker_port)}", encoding="utf-8")
         undo.pop_all()
     return mock

@@ -18,10 +18,11 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.message import DecodeError, Message
 from mcap.writer import CompressionType, Writer
 
+from controller.disk import sync_folder
 from controller.interface import UserError
 from controller.schemas import codec
 from controller.schemas import vvvaltr_pb2 as pb
-from controller.schemas.mcap_file import DamagedFile, NewFile, TornFile, entries, lock, register, sync_folder
+from controller.schemas.mcap_file import DamagedFile, NewFile, TornFile, entries, lock, register
 from controller.types import Command, MotorState, Pose, Recommendation, Source, Structure, Suggestion, Trial
 
 LOG_NAME = "trials.mcap"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,11 @@ from typing import Any
 import msgspec
 
 from controller.assembly import Rig, choose_robot, one_line_errors, open_rig
+from controller.disk import sync_folder, write_whole
 from controller.interface import Optimizer, UserError
 from controller.learn import Budget, learn, source_from, summary
 from controller.recording import LOG_NAME, LoggedTrial, Run, RunLog, read_run
-from controller.run_config import RunConfig, load_config, refuse_difference, save_config
+from controller.run_config import RunConfig, check_config, load_config, option, refuse_difference, save_config
 from controller.types import Gait, GaitSpace, Quantity, Source
 from transfer.methods import make_optimizer
 
@@ -43,8 +45,10 @@ class RunDirectory:
             UserError: something asked for is impossible, or ``path`` exists; nothing has been written.
             DeviceError: the robot cannot be opened.
         """
+        if not path.name:
+            raise UserError("--out names no new directory: give it a name, as in runs/mine, or leave it out")
         if path.exists():
-            raise UserError(f"{path} exists: choose another --out, or go on with it by --resume {path}")
+            raise _taken(path)
         score_name = asked.get("score", "net")
         sources = tuple(load_source(Path(name), score_name) for name in asked.get("sources", ()))
         choice = choose_robot(asked.get("robot", {}))
@@ -66,17 +70,21 @@ class RunDirectory:
             UserError: there is no run, or it differs from what was asked for; nothing has been written.
             DeviceError: the robot cannot be opened.
         """
-        config = load_config(path)
-        refuse_difference(config, asked)
-        config = msgspec.structs.replace(config, trials=asked.get("trials", config.trials))
-        _budget(config)
+        stored = load_config(path)
+        refuse_difference(stored, asked)
+        config = msgspec.structs.replace(stored, trials=asked.get("trials", stored.trials))
         sources = read_run(path / LOG_NAME).sources
-        rig = open_rig(config.robot, config.seed)
+        with _errors_of(path / "run.toml"):
+            _budget(config)
+            rig = open_rig(config.robot, config.seed)
         with ExitStack() as undo:
             undo.callback(rig.robot.close)
-            optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
+            with _errors_of(path / "run.toml"):
+                _check_motors(config, rig, str)
+                optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
             log, logged = RunLog.recover(path / LOG_NAME)
-            save_config(config, path / "run.toml")
+            if config != stored:
+                save_config(config, path / "run.toml")
             undo.pop_all()
         return cls(path, config, rig, optimizer, log, logged)
 
@@ -94,7 +102,7 @@ class RunDirectory:
         """Write `summary.json` and return what is in it."""
         about = {"run": str(self.path), "robot": self.config.robot.name, "method": self.config.method}
         result = {**about, **summary(self.trials)}
-        (self.path / "summary.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        write_whole(self.path / "summary.json", json.dumps(result, indent=2) + "\n")
         return result
 
     def close(self) -> None:
@@ -134,6 +142,19 @@ def _budget(config: RunConfig) -> Budget:
         return Budget(config.trials, config.score, config.confirm, config.stop_below_m_s)
 
 
+@contextmanager
+def _errors_of(path: Path) -> Iterator[None]:
+    """Name the file that is to blame for what is wrong."""
+    try:
+        yield
+    except (UserError, ValueError) as error:
+        raise UserError(f"{path}: {error}") from None
+
+
+def _taken(path: Path) -> UserError:
+    return UserError(f"{path} exists: choose another --out, or go on with it by --resume {path}")
+
+
 def _begin(path: Path, config: RunConfig, head: Run) -> RunLog:
     """Make the directory, with configuration and log, in one step: a killed program leaves no half of a run."""
     try:
@@ -141,14 +162,19 @@ def _begin(path: Path, config: RunConfig, head: Run) -> RunLog:
         fresh = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
     except OSError as error:
         raise UserError(f"{path} cannot be made: {error.strerror}; choose another --out") from error
-    try:
+    with ExitStack() as undo:
+        undo.callback(shutil.rmtree, fresh, ignore_errors=True)  # gone already, if it got its name
         fresh.chmod(0o755)
         save_config(config, fresh / "run.toml")
-        log = RunLog.create(fresh / LOG_NAME, head.structure, head.sources)
-        fresh.rename(path)
-    except BaseException:
-        shutil.rmtree(fresh)
-        raise
+        log = undo.enter_context(RunLog.create(fresh / LOG_NAME, head.structure, head.sources))
+        try:
+            fresh.rename(path)
+        except OSError as error:
+            if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):  # made meanwhile, by another process
+                raise _taken(path) from None
+            raise
+        sync_folder(path)
+        undo.pop_all()
     return log
 
 
@@ -165,13 +191,20 @@ def _complete(asked: dict[str, Any], rig: Rig) -> RunConfig:
         "range_hz": rig.range_hz,
     }
     config = RunConfig(**{**usual, **asked})
-    _budget(config)
-    motors = rig.robot.motors
     with one_line_errors():
+        check_config(config, option)
+        _budget(config)
+        _check_motors(config, rig, option)
+    return config
+
+
+def _check_motors(config: RunConfig, rig: Rig, spell: Callable[[str], str]) -> None:
+    """Raise ValueError for what the robot's motors cannot do; ``spell`` as in ``check_config``."""
+    motors = rig.robot.motors
+    try:
         for frequency_hz in config.range_hz:
             rig.robot.limits.check(Gait((frequency_hz,) * motors.motor_count))
+    except ValueError as error:
+        raise ValueError(f"{spell('range_hz')}: {error}") from None
     if unable := set(config.optimise) - motors.quantities:
-        raise UserError(f"optimise: the motors of {config.robot.name} cannot set their {unable.pop()}")
-    if Quantity.FREQUENCY not in config.optimise:
-        raise UserError("optimise: frequency must be among what is searched")
-    return config
+        raise ValueError(f"{spell('optimise')}: the motors of {config.robot.name} cannot set their {min(unable)}")

@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import tomli_w
 
+from controller.disk import write_whole
+from controller.document import typed
 from controller.interface import UserError
+from controller.scoring import SCORES
+from controller.types import Quantity
 
 FORMAT = 1
+
+_BOUNDS = {"seed": (0, math.inf), "trials": (1, math.inf), "duration_s": (0.1, 3600), "stop_below_m_s": (0, math.inf)}
+_OPTIONS = {
+    "name": "--robot",
+    "gravity_m_s2": "--gravity",
+    "sources": "--source",
+    "duration_s": "--duration",
+    "range_hz": "--range",
+    "stop_below_m_s": "--stop-when",
+}
 
 
 class RobotChoice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -75,9 +91,34 @@ class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
     format: int = FORMAT
 
 
+def option(key: str) -> str:
+    """Return the command line's option for a key of RunConfig or RobotChoice."""
+    return _OPTIONS.get(key, f"--{key}")
+
+
+def check_config(config: RunConfig, spell: Callable[[str], str] = str) -> None:
+    """Raise ValueError for a value that no run can have; ``spell`` says what its key is called there."""
+    for key, (low, high) in _BOUNDS.items():
+        value = getattr(config, key)
+        if not (low <= value <= high and value < math.inf):
+            allowed = f"{low:g} to {high:g}" if high < math.inf else f"a finite number, {low:g} or more"
+            raise ValueError(f"{spell(key)} is {value:g}; allowed: {allowed}")
+    if config.score not in SCORES:
+        raise ValueError(f"{spell('score')} is {config.score!r}; allowed: {', '.join(SCORES)}")
+    if wrong := set(config.optimise) - set(Quantity):
+        raise ValueError(f"{spell('optimise')}: {min(wrong)!r} is unknown; allowed: {', '.join(Quantity)}")
+    if Quantity.FREQUENCY not in config.optimise or len(set(config.optimise)) < len(config.optimise):
+        raise ValueError(f"{spell('optimise')}: frequency must be among what is searched, and each quantity named once")
+    if min(config.confirm) < 0:
+        raise ValueError(f"{spell('confirm')} is {list(config.confirm)}; allowed: 0 or more")
+    low_hz, high_hz = config.range_hz
+    if not low_hz < high_hz:  # nor if one is no number
+        raise ValueError(f"{spell('range_hz')} {low_hz:g} {high_hz:g} is empty: give the lower frequency first")
+
+
 def save_config(config: RunConfig, path: Path) -> None:
-    """Write ``config`` as TOML; what is None is left out."""
-    path.write_text(tomli_w.dumps(_without_none(msgspec.to_builtins(config))), encoding="utf-8")
+    """Write ``config`` as TOML; what is None is left out. Raises OSError."""
+    write_whole(path, tomli_w.dumps(_without_none(msgspec.to_builtins(config))))
 
 
 def load_config(run: Path) -> RunConfig:
@@ -90,15 +131,19 @@ def load_config(run: Path) -> RunConfig:
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise UserError(f"{run} is no run: it has no run.toml") from None
+        raise UserError(f"{run} is no run: it has no run.toml (imported trials are learned from by --source)") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None
-    if content.get("format") != FORMAT:
-        raise UserError(f"{path}: format {content.get('format')} is not {FORMAT}; use the vvvaltr that wrote the run")
+    if "format" not in content:
+        raise UserError(f"{path}: format is missing; restore the file as the run wrote it")
+    if content["format"] != FORMAT:
+        raise UserError(f"{path}: format {content['format']} is not {FORMAT}; use the vvvaltr that wrote the run")
     try:
-        return msgspec.convert(content, RunConfig)
-    except msgspec.ValidationError as error:
-        raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None
+        config = typed(content, RunConfig, str(path))
+        check_config(config, lambda key: f"{path}: {key}")
+    except (UserError, ValueError) as error:
+        raise UserError(f"{error}; restore the file as the run wrote it") from None
+    return config
 
 
 def refuse_difference(config: RunConfig, asked: dict[str, Any]) -> None:
@@ -114,7 +159,21 @@ def refuse_difference(config: RunConfig, asked: dict[str, Any]) -> None:
         if key == "trials" and value >= config.trials and not any(config.confirm):
             continue
         if has != value:
-            raise UserError(f"{key}: the run has {has}, but {value} was asked for; drop it, or start a new run (--out)")
+            had, wished = _as_typed(key, has), _as_typed(key, value)
+            raise UserError(
+                f"{option(key)}: the run has {had}, but {wished} was asked for; drop it, or start a new run (--out)"
+            )
+
+
+def _as_typed(key: str, value: Any) -> str:
+    """Return a value as the command line writes it."""
+    if key == "confirm":
+        return "x".join(map(str, value))
+    if key == "stop_below_m_s":
+        return f"{1000.0 * value:g}"
+    if isinstance(value, list | tuple):
+        return ("," if key == "optimise" else " ").join(map(str, value)) or "none"
+    return "none" if value is None else str(value)
 
 
 def _without_none(value: Any) -> Any:

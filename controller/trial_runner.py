@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 
-from controller.interface import DeviceError, LinkLost, Robot, SafetyStop, TrackingLost
+from controller.interface import DeviceError, DeviceTimeout, LinkLost, Robot, SafetyStop, TrackingLost
 from controller.safety import Arena, Guard, HeadingGuard, arena_guard
 from controller.types import Command, Gait, MotorState, Outcome, Pose, Trial
 
@@ -139,13 +139,20 @@ class _Watch:
         return self._since_begin(self.robot.clock.now_s())
 
     def command(self, gait: Gait, hold_s: float) -> None:
+        self._check_held()
         self.commands.append(Command(self.elapsed_s(), gait, hold_s))
         self.robot.motors.drive(gait, hold_s)
 
     def look(self) -> None:
+        self._check_held()
         state = self.robot.motors.state()
         self.states.append(replace(state, t_s=self._since_begin(state.t_s)))
         self._look_at_pose()
+
+    def _check_held(self) -> None:
+        """Raise DeviceTimeout if the last command has run out: the motors stood still in the middle of the trial."""
+        if self.commands and (late_s := self.elapsed_s() - self.commands[-1].t_s) > self.commands[-1].hold_s:
+            raise DeviceTimeout(f"no command for {late_s:.2f} s, so the motors stopped; is the computer too busy?")
 
     def _look_at_pose(self) -> None:
         pose = self.robot.tracker.pose()

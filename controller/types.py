@@ -60,6 +60,8 @@ class Gait:
 
     def scaled(self, share: float) -> Gait:
         """Return the gait with every frequency multiplied by ``share``: a step of a ramp."""
+        if share == 1.0:
+            return self
         return replace(self, frequency_hz=tuple(share * frequency for frequency in self.frequency_hz))
 
     def __str__(self) -> str:

@@ -44,16 +44,31 @@ def save_recording(run: Run, path: Path, title: str, learned: Learned | None = N
     """
     import rerun as rr
 
+    # Over memory: on a full disk Rerun's own writer waits for ever, and no signal ends it.
+    with rr.RecordingStream(_APPLICATION) as recording:
+        memory = recording.memory_recording()
+        recording.send_blueprint(_blueprint(run, learned), make_active=False)
+        recording.send_recording_name(title)
+        Scene(recording, run.structure).add(run.trials)
+        _send_result(recording, run.trials, learned)
+        written = memory.drain_as_bytes()
+        recording.disconnect()
+    _write(written, path)
+
+
+def _write(recording: bytes, path: Path) -> None:
+    """Write the whole file or nothing of it."""
+    part = path.with_name(f"{path.name}.part")
     try:
-        with rr.RecordingStream(_APPLICATION) as recording:
-            recording.save(path, default_blueprint=_blueprint(run, learned))
-            recording.send_recording_name(title)
-            Scene(recording, run.structure).add(run.trials)
-            _send_result(recording, run.trials, learned)
-            recording.flush()
-            recording.disconnect()
-    except RuntimeError as error:  # of Rerun's writer, with the system's reason in its text
-        raise UserError(f"{path} cannot be written: {error}; choose another place") from error
+        part.write_bytes(recording)
+        os.replace(part, path)
+    except OSError as error:
+        raise UserError(
+            f"{path} cannot be written: {error.strerror}; free some space, or choose another place"
+        ) from error
+    finally:
+        with suppress(OSError):  # it is in its place, or was never made
+            part.unlink()
 
 
 def show(run: Run, title: str, learned: Learned | None = None, web: bool = False) -> None:

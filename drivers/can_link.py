@@ -12,7 +12,8 @@ import can
 
 from drivers.link import lost_link
 
-_SYMPTOMS = (can.CanError, TypeError)
+_SYMPTOMS = (can.CanError, TypeError, ValueError)  # the last one: of a socket that is closed
+_SYMPTOMS_OF_READING = (can.CanError, TypeError)  # here, a ValueError is a garbled frame's
 _GARBLED = (ValueError, IndexError)  # what the slcan parser raises for a line that is not a frame
 _WRITE_TIMEOUT_S = 0.2  # pyserial also counts the time for which this process itself was held up
 _BACKLOG_S = 0.02  # how long after a deadline frames that wait already are still taken in
@@ -43,7 +44,7 @@ class CanLink:
     def __init__(self, interface: str, channel: str, bitrate: int, options: Mapping[str, Any] | None = None) -> None:
         self._name = f"{interface}:{channel}"
         chosen = {**(_SLCAN if interface == "slcan" else {}), **(options or {})}
-        with lost_link(self._name, *_SYMPTOMS, ValueError, ImportError):
+        with lost_link(self._name, *_SYMPTOMS, ImportError):
             self._bus = can.Bus(interface=interface, channel=channel, bitrate=bitrate, **chosen)
         self.garbled = 0
 
@@ -71,7 +72,7 @@ class CanLink:
         """
         while (left_s := until_s - time.monotonic()) > -_BACKLOG_S:
             try:
-                with lost_link(self._name, *_SYMPTOMS):
+                with lost_link(self._name, *_SYMPTOMS_OF_READING):
                     message = self._received(max(0.0, left_s))
             except _GARBLED:
                 self.garbled += 1
@@ -93,7 +94,7 @@ class CanLink:
 
     def close(self) -> None:
         """Let go of the bus. Idempotent; never raises."""
-        with suppress(*_SYMPTOMS, OSError, ValueError):
+        with suppress(*_SYMPTOMS, OSError):
             self._bus.shutdown()
         # After unplugging, python-can gives up before it has closed the port beneath slcan.
         with suppress(AttributeError, OSError, *_SYMPTOMS):

@@ -22,8 +22,8 @@ WATCHDOG = "watchdog"  # code of the DeviceFault of a device that stopped its mo
 _RETRY_S, _LOOK_S = 0.2, 0.002
 _LATE_S = 0.2  # between two set-points: less than any device's watchdog
 # A motor with a sensor is given time to start; one that has turned may not fall behind for longer than a device takes
-# to tell of a fault that may be the cause.
-_START_S, _TURN_S = 0.5, 0.12
+# to tell of a fault that may be the cause. There is no time left for that when it is stopped.
+_START_S, _TURN_S, _LAST_TURN_S = 0.3, 0.12, 0.05
 _STARTED_SHARE, _STALLED_SHARE, _LEAST_HZ = 0.8, 0.4, 1.0
 _PRIORITY = 10
 
@@ -74,7 +74,7 @@ class MotorLine(Protocol):
         ...
 
     def repeat(self, gait: Gait) -> None:
-        """Send the set-point again; a slow line may do it one motor at a time. Raises LinkLost."""
+        """Send one that changes little or not at all; a slow line may do it one motor at a time. Raises LinkLost."""
         ...
 
     def rest(self) -> None:
@@ -177,8 +177,11 @@ class HeldMotors:
             if isinstance(self._problem, LinkLost):
                 raise self._problem
             if not self._closing.is_set():
-                self._rest()
-                self._stopped_s = time.monotonic()
+                try:
+                    self._problem = self._problem or self._stall(_LAST_TURN_S)
+                finally:
+                    self._rest()
+                    self._stopped_s = time.monotonic()
 
     def await_word(self) -> None:
         """Do the second half of ``stop``: what went wrong since the runner last looked must not be missed."""
@@ -254,6 +257,7 @@ class HeldMotors:
                 return
             except DeviceError as error:
                 self._give_up(error)
+                time.sleep(max(0.0, deadline_s - time.monotonic()))  # what fails at once will do so again
 
     def _tell(self) -> None:
         """Repeat the set-point while it holds, else rest."""
@@ -266,11 +270,10 @@ class HeldMotors:
                 raise DeviceTimeout(
                     f"{self._line.name}: set-points were {late_s:.2f} s apart; is the computer too busy?"
                 )
-            elif (step := self._ramp.towards(self._gait, now_s)) == self._gait:
-                self._line.repeat(step)
             else:
+                step = self._ramp.towards(self._gait, now_s)
                 self._follow(step, now_s)
-                self._line.send(step)
+                self._line.repeat(step)
 
     def _rest(self) -> None:
         self._gait = None
@@ -283,15 +286,21 @@ class HeldMotors:
             follower.want(frequency_hz, now_s)
 
     def _check_turning(self) -> None:
+        with self._sending:  # else the runner might change what is wanted in the middle of the comparison
+            if (stall := self._stall(_TURN_S)) is not None:
+                raise stall
+
+    def _stall(self, patience_s: float) -> DeviceFault | None:
+        """Return the fault of a motor that has been measured not to turn as told for so long; None if all do."""
         state = self._line.state()
-        if state.measured:
-            for follower, frequency_hz in zip(self._followers, state.frequency_hz, strict=True):
-                if follower.has_stalled(frequency_hz, state.t_s):
-                    raise DeviceFault(
-                        "stall",
-                        f"{self._line.name}: motor {follower.number} of the line turns at {frequency_hz:.2g} "
-                        f"Hz instead of {follower.wanted_hz:g} Hz",
-                    )
+        for follower, frequency_hz in zip(self._followers, state.frequency_hz, strict=True):
+            if state.measured and follower.has_stalled(frequency_hz, state.t_s, patience_s):
+                return DeviceFault(
+                    "stall",
+                    f"{self._line.name}: motor {follower.number} of the line turns at {frequency_hz:.2g} Hz "
+                    f"instead of {follower.wanted_hz:g} Hz",
+                )
+        return None
 
     def _give_up(self, problem: DeviceError) -> None:
         """Keep the first problem, and rest until the line is opened afresh."""
@@ -344,17 +353,17 @@ class _Follower:
         self._has_started = False
 
     def want(self, frequency_hz: float, now_s: float) -> None:
-        """Take note of a set-point; after one that is much greater the motor has time to start again."""
-        if abs(frequency_hz - self.wanted_hz) > _STALLED_SHARE * abs(frequency_hz):
+        """Take note of a set-point; after one that is much greater, or nearly 0, the motor has time to start again."""
+        if abs(frequency_hz) < _LEAST_HZ or abs(frequency_hz - self.wanted_hz) > _STALLED_SHARE * abs(frequency_hz):
             self._has_started, self._told_s = False, now_s
         self.wanted_hz = frequency_hz
 
-    def has_stalled(self, frequency_hz: float, t_s: float) -> bool:
-        """Return whether the motor, which turned so fast at ``t_s``, has not started in time, or fallen behind."""
+    def has_stalled(self, frequency_hz: float, t_s: float, patience_s: float) -> bool:
+        """Return whether the motor, which turned so fast at ``t_s``, has not started in time, or is behind for long."""
         if abs(self.wanted_hz) < _LEAST_HZ:
             return False
         share = frequency_hz / self.wanted_hz
         if share > _STALLED_SHARE:
             self._turned_s = t_s
         self._has_started = self._has_started or share > _STARTED_SHARE
-        return t_s > (self._turned_s + _TURN_S if self._has_started else self._told_s + _START_S)
+        return t_s > (self._turned_s + patience_s if self._has_started else self._told_s + _START_S)

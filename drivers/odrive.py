@@ -1,8 +1,9 @@
 """ODrive axes on a CAN bus, by the CANSimple protocol. Velocities are in turns per second, so they are frequencies.
 
 The codec is written out here; odrive.dbc beside it describes the same messages for other tools, and a test holds the
-two together. The axis has a watchdog of its own, to be switched on in the drive's configuration; ``vvvaltr check``
-finds out whether it is.
+two together. The axis has a watchdog of its own, to be switched on in the drive's configuration. No message tells
+whether it is (where firmware lets endpoints be read, their numbers change from one version to the next), so opening
+cannot look: ``vvvaltr check`` finds out, by falling silent while the motors turn.
 """
 
 from __future__ import annotations
@@ -124,7 +125,7 @@ def decode(frame: Frame) -> tuple[int, Message, tuple[float, ...]] | None:
 
 @dataclass(frozen=True, slots=True)
 class OdriveMotor:
-    """An axis: its node, the frequency that it may not exceed, and its current limit (None: as the drive has it)."""
+    """An axis: its node, the set-point that it may not exceed, and its current limit (None: as the drive has it)."""
 
     node: int
     max_hz: float
@@ -215,8 +216,9 @@ class OdriveLine:
         """Send all velocities, and arm the axes if they are idle."""
         now_s = time.monotonic()
         if self._armed_s is None:
-            self._tell(Message.SET_STATE, AxisState.CLOSED_LOOP)
+            # Before it is told: the other thread may hear of an armed axis while this one is still telling the rest.
             self._armed_s = now_s
+            self._tell(Message.SET_STATE, AxisState.CLOSED_LOOP)
         for axis, frequency_hz in zip(self._axes.values(), gait.frequency_hz, strict=True):
             self._link.send(encode(axis.motor.node, Message.SET_VELOCITY, frequency_hz, 0.0))
 
@@ -229,7 +231,7 @@ class OdriveLine:
         now_s = time.monotonic()
         self._tell(Message.SET_VELOCITY, 0.0, 0.0)
         if self._armed_s is not None:
-            self._armed_s, self._rested_s, self._told_idle_s = None, now_s, -math.inf
+            self._rested_s, self._told_idle_s, self._armed_s = now_s, -math.inf, None
         if now_s - self._told_idle_s > _TELL_AGAIN_S:
             self._told_idle_s = now_s
             self._tell(Message.SET_STATE, AxisState.IDLE)

@@ -8,6 +8,7 @@ a clean answer is what it applies.
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,11 +19,12 @@ from controller.types import Gait, MotorState, Quantity
 from drivers.calibration import Curve
 from drivers.keepalive import WATCHDOG
 from drivers.link import Link, discard, read_exactly
-from drivers.serial_link import SerialLink
 
 START = 0xAA  # begins a packet of the Pololu protocol; the board also finds the baud rate from it
 _ANSWER_S = 0.2  # line time and a USB adapter's latency come to 20 ms; the rest is for a busy computer
 _ASK_PERIOD_S = 0.02
+_TELL_PERIOD_S = 0.02  # between two set-points of one motor
+_ROOM = 1.2  # for what is not evenly spread over time
 _QUIET_S = 0.05  # after which nothing more is on its way
 _ATTEMPTS = 3
 
@@ -50,6 +52,8 @@ class Parameter(IntEnum):
 SET_KEY = (0x55, 0x2A)  # must follow a new value
 ERRORS = {0x08: "data overrun", 0x10: "frame error", 0x20: "CRC error", 0x40: "format error", 0x80: WATCHDOG}
 TIMEOUT_UNIT_S = 0.262
+LONGEST_TIMEOUT_S = 1.0
+GREATEST_BAUD = 38400
 
 
 def crc7(data: bytes) -> int:
@@ -73,13 +77,57 @@ def timeout_s(value: int) -> float:
     return TIMEOUT_UNIT_S * (value & 0x0F) * float(1 << (value >> 4))
 
 
+def check_timeout(value: int) -> None:
+    """Raise ValueError for a serial timeout that is off, or above 1 s; its text begins with the key."""
+    # 0 s is no watchdog at all.
+    allowed = [known for known in range(128) if 0.0 < timeout_s(known) <= LONGEST_TIMEOUT_S]
+    if value not in allowed:
+        times = ", ".join(f"{known} ({timeout_s(known):g} s)" for known in allowed)
+        raise ValueError(f"timeout is {value}, which means {timeout_s(value):g} s; allowed: {times}")
+
+
+def least_baud(motor_count: int, has_crc: bool) -> int:
+    """Return the bits per second that a line needs: all set-points, a question and its answer, each every 0.02 s.
+
+    A byte is ten bits on the line. On a slower line a stop would wait for the set-points that were sent before it.
+    """
+    set_point = len(packet(0, Command.SPEED, 0, has_crc=has_crc))
+    question_and_answer = len(packet(0, Command.ERRORS, has_crc=has_crc)) + 1
+    return round(10.0 * _ROOM * (motor_count * set_point / _TELL_PERIOD_S + question_and_answer / _ASK_PERIOD_S))
+
+
+def check_baud(baud: int, motor_count: int, has_crc: bool) -> None:
+    """Raise ValueError for a line that is too slow for so many motors; its text begins with the key."""
+    if baud < (least := least_baud(motor_count, has_crc)):
+        raise ValueError(
+            f"baud is {baud}; allowed: {least} or more, which {motor_count} motors on one line need "
+            f"(the boards know up to {GREATEST_BAUD})"
+        )
+
+
+def check_commands(points: Sequence[tuple[float, float]], eight_bit: bool) -> None:
+    """Raise ValueError for the points of a curve if they have commands that the boards have not."""
+    allowed = "up to 255" if eight_bit else "up to 127, or up to 255 with eight_bit = true"
+    if (last := max((command for command, _ in points), default=0.0)) > (255 if eight_bit else 127):
+        raise ValueError(f"its commands reach {last:g}; allowed: {allowed}")
+
+
 @dataclass(frozen=True, slots=True)
 class QikMotor:
-    """Where a motor is connected (board's device id, output 0 or 1), and how fast it turns at which command."""
+    """Where a motor is connected (board's device id, output 0 or 1), how fast it turns at which command, and may turn.
+
+    Without ``max_hz`` it may turn as fast as its curve goes.
+    """
 
     board: int
     output: int
     curve: Curve
+    max_hz: float = math.inf
+
+    @property
+    def greatest(self) -> int:
+        """The greatest command that does not exceed ``max_hz``."""
+        return math.floor(self.curve.command(min(self.max_hz, self.curve.highest_hz)) + 1e-6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +138,11 @@ class QikSettings:
         eight_bit: speeds of 0 to 255 instead of 0 to 127.
         has_crc: the boards' CRC jumper is in place.
         timeout: the value of the serial timeout parameter; 1 is the shortest, 0.262 s.
-        spin_up_s: how long a motor that starts slowly is first given full speed.
+        spin_up_s: how long a motor that starts slowly is first given the greatest speed that it may have.
         spin_up_below: commands that are slow in this sense.
+
+    Raises:
+        ValueError: the timeout is off, or too long.
     """
 
     eight_bit: bool = False
@@ -100,20 +151,24 @@ class QikSettings:
     spin_up_s: float = 0.2
     spin_up_below: int = 25
 
-    @property
-    def full(self) -> int:
-        """The command for full speed."""
-        return 255 if self.eight_bit else 127
+    def __post_init__(self) -> None:
+        check_timeout(self.timeout)
 
 
 def open_line(port: str, baud: int, motors: Sequence[QikMotor], settings: QikSettings) -> QikLine:
     """Open the port, find all boards, switch on their watchdog, and return their motors at rest.
 
     Raises:
+        ValueError: the line is too slow for its motors, or a curve has commands that the boards do not have.
         LinkLost: the port could not be opened.
         DeviceTimeout: a board does not answer.
         DeviceFault: a board does not take its configuration.
     """
+    from drivers.serial_link import SerialLink
+
+    check_baud(baud, len(motors), settings.has_crc)
+    for motor in motors:
+        check_commands(motor.curve.points, settings.eight_bit)
     line = QikLine(SerialLink(port, baud), motors, settings)
     try:
         line.arm()
@@ -137,7 +192,7 @@ class QikLine:
         self._next_ask_s = 0.0
         self._wanted = self._applied = (0,) * len(motors)
         self._sent = [0] * len(motors)
-        self._full_until_s = [0.0] * len(motors)
+        self._pushed_until_s = [0.0] * len(motors)
         self._heard_s = dict.fromkeys(self._boards, time.monotonic())
         self._is_resting = False
 
@@ -159,7 +214,7 @@ class QikLine:
     @property
     def period_s(self) -> float:
         """Set-points go out one motor at a time, so that a new one never waits long for the line."""
-        return 0.02 / len(self._motors)
+        return _TELL_PERIOD_S / len(self._motors)
 
     @property
     def watchdog_s(self) -> float:
@@ -180,24 +235,18 @@ class QikLine:
                 raise ValueError(f"{self.name}, motor {number} of the line: {error}") from None
 
     def send(self, gait: Gait) -> None:
-        """Send all speeds."""
-        self.command(tuple(round(m.curve.command(hz)) for m, hz in zip(self._motors, gait.frequency_hz, strict=True)))
-
-    def command(self, commands: Sequence[int]) -> None:
-        """Send all speeds as the board counts them, one for each motor, negative for reverse."""
+        """Send all speeds to motors at rest. Later changes go out with ``repeat``: the line has no room for more."""
         now_s = time.monotonic()
-        for number, (before, after) in enumerate(zip(self._wanted, commands, strict=True)):
-            if not 0 < abs(after) < self._settings.spin_up_below:
-                self._full_until_s[number] = now_s
-            elif before * after <= 0:
-                self._full_until_s[number] = now_s + self._settings.spin_up_s
-        self._wanted = tuple(commands)
-        self._is_resting = False
-        self._link.write(b"".join(self._speed(number, now_s) for number in range(len(self._motors))))
+        self._want(gait, now_s)
+        if self._is_resting:
+            self._is_resting = False
+            self._link.write(b"".join(self._speed(number, now_s) for number in range(len(self._motors))))
 
     def repeat(self, gait: Gait) -> None:
         """Send the speed of the motor whose turn it is."""
-        self._link.write(self._speed(next(self._turns), time.monotonic()))
+        now_s = time.monotonic()
+        self._want(gait, now_s)
+        self._link.write(self._speed(next(self._turns), now_s))
 
     def rest(self) -> None:
         """Send speed 0 to all motors, and when that has been done, to the motor whose turn it is."""
@@ -247,16 +296,21 @@ class QikLine:
             self._heard_s[board] = time.monotonic()
 
     def _find(self, board: int) -> None:
-        for attempt in itertools.count(1):
+        for attempt in range(1, _ATTEMPTS + 1):
             try:
-                version = self._query(board, Command.FIRMWARE)
-                break
-            except DeviceTimeout:
+                return self._greet(board)
+            except (DeviceTimeout, DeviceFault):
                 if attempt == _ATTEMPTS:
-                    raise DeviceTimeout(
-                        f"{self.name}: no board answers as number {board}; check power, wiring, baud rate and the "
-                        "board's device id"
-                    ) from None
+                    raise
+
+    def _greet(self, board: int) -> None:
+        try:
+            version = self._query(board, Command.FIRMWARE)
+        except DeviceTimeout:
+            raise DeviceTimeout(
+                f"{self.name}: no board answers as number {board}; check power, wiring, baud rate and the board's "
+                "device id"
+            ) from None
         if version not in b"12":
             raise DeviceFault("firmware", f"{self.name}: board {board} answers {version:#04x}, not as a qik 2s9v1")
 
@@ -276,12 +330,23 @@ class QikLine:
         self._link.write(packet(board, command, *data, has_crc=self._settings.has_crc))
         return read_exactly(self._link, 1, time.monotonic() + _ANSWER_S)[0]
 
+    def _want(self, gait: Gait, now_s: float) -> None:
+        """Take note of the commands, negative for reverse, and of which motors are to be pushed for how long."""
+        commands = tuple(round(m.curve.command(hz)) for m, hz in zip(self._motors, gait.frequency_hz, strict=True))
+        for number, (before, after) in enumerate(zip(self._wanted, commands, strict=True)):
+            if not 0 < abs(after) < self._settings.spin_up_below:
+                self._pushed_until_s[number] = now_s
+            elif before * after <= 0:
+                self._pushed_until_s[number] = now_s + self._settings.spin_up_s
+        self._wanted = commands
+
     def _speed(self, number: int, now_s: float) -> bytes:
-        motor, settings, speed = self._motors[number], self._settings, self._wanted[number]
-        magnitude = settings.full if speed and now_s < self._full_until_s[number] else abs(speed)
+        motor, speed = self._motors[number], self._wanted[number]
+        is_pushed = speed and now_s < self._pushed_until_s[number]
+        magnitude = max(abs(speed), motor.greatest) if is_pushed else abs(speed)
         self._sent[number] = -magnitude if speed < 0 else magnitude
         command = Command.SPEED + 4 * motor.output + 2 * (speed < 0) + (magnitude > 127)
-        return packet(motor.board, command, magnitude & 0x7F, has_crc=settings.has_crc)
+        return packet(motor.board, command, magnitude & 0x7F, has_crc=self._settings.has_crc)
 
     def _ask(self, now_s: float) -> None:
         board = next(self._asking)

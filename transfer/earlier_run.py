@@ -69,7 +69,7 @@ def learned_from(
 
 
 def best_of_all(runs: Sequence[EarlierRun], count: int) -> Array:
-    """Return up to ``count`` places (k, d): the best of each run in turn, then the second best of each, and so on."""
+    """Return up to ``count`` places (k, d), well apart: the best of each run in turn, then the second best of each."""
     of_runs = [run.best(count) for run in runs]
-    in_turn = [best[i] for i in range(count) for best in of_runs if i < len(best)]
-    return np.array(in_turn[:count])
+    in_turn = np.array([best[i] for i in range(count) for best in of_runs if i < len(best)])
+    return spread_out(in_turn, -np.arange(float(len(in_turn))), count)

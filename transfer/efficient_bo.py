@@ -17,7 +17,7 @@ from controller.types import GaitSpace, Source
 from transfer.belief import Belief, Trials, refitted
 from transfer.earlier_run import EarlierRun, learned_from
 from transfer.gp import Observations
-from transfer.proposal import Proposal, best_mean, expected_improvement
+from transfer.proposal import Proposal, expected_improvement
 from transfer.scale import Scale
 from transfer.search import Search
 
@@ -69,7 +69,7 @@ class EfficientBO(Search):
 
         def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
             assert belief is not None  # learn returns one even before the first trial
-            return expected_improvement(trials, belief, rng, best_mean)
+            return expected_improvement(belief, rng)
 
         super().__init__(space, seed, learn, propose)
 

@@ -111,11 +111,14 @@ class GaussianProcess:
         inverse_root = np.linalg.inv(np.linalg.cholesky(covariance))
         return cls(observations, hyperparameters, inverse_root, inverse_root.T @ (inverse_root @ observations.y))
 
-    @property
-    def log_evidence(self) -> float:
-        """The log probability of the observed values under the hyperparameters, up to a constant of their number."""
-        misfit = float(self.observations.y @ self.weights)
-        return float(np.log(self.inverse_root.diagonal()).sum()) - 0.5 * misfit
+    def log_evidence(self, given: int = 0) -> float:
+        """Return the log probability of the observed values under the hyperparameters and the first ``given`` of them.
+
+        Up to a constant of their number. The inverse root is lower triangular: its row i makes of y_i the standardised
+        surprise that it is after those before it.
+        """
+        surprises = self.inverse_root[given:] @ self.observations.y
+        return float(np.log(self.inverse_root.diagonal()[given:]).sum() - 0.5 * surprises @ surprises)
 
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Return mean (m,) and variance (m,) of the function without noise at places (m, d)."""

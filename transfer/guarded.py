@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,16 +14,13 @@ from transfer.belief import Belief, Trials
 from transfer.earlier_run import EarlierRun, best_of_all, learned_from
 from transfer.gp import GaussianProcess, Observations, Prior, fit
 from transfer.icm import coupled
-from transfer.optimistic import raised
-from transfer.proposal import Proposal, best_mean, expected_improvement
+from transfer.plain_bo import learned_alone
+from transfer.proposal import Proposal, expected_improvement
 from transfer.scale import Scale
 from transfer.search import Search
+from transfer.warm import WARM_TRIALS
 
 Array = NDArray[np.float64]
-
-WARM_TRIALS = 3
-OPTIMISM, PATIENCE = 1.0, 15.0
-"""How far the prior mean is raised at first, in standard deviations, and over how many trials that fades to 1/e."""
 
 DOUBT = 0.3
 """The probability, before the first trial, that no source says anything about the target."""
@@ -48,8 +44,8 @@ class Guarded(Search):
     - The target's hyperparameters are expected to be about those of the sources, which have more trials.
     - The target's scale takes the sources' scores into account, times the factor by which the target is faster: the
       first trials are meant to be good ones all, and tell little of how scores spread.
-    - While a trial is chosen the prior mean of all tasks is raised, the less the more trials there are: what neither
-      the target's nor a source's trials tell of is worth a look, early on.
+    - Every second trial is chosen as Plain-BO would, from the target's trials alone: where all sources are wrong, only
+      trials elsewhere than they say can tell.
 
     Args:
         space: the gaits to search.
@@ -70,8 +66,9 @@ class Guarded(Search):
         def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
             if belief is None or len(trials) < len(warm):
                 return Proposal(warm[len(trials)], "best of source")
-            level = OPTIMISM * math.exp(-len(trials) / PATIENCE)
-            return expected_improvement(trials, optimistic(belief, level), rng, best_mean)
+            if len(trials) % 2:
+                belief = learned_alone(space, trials, None, rng)
+            return expected_improvement(belief, rng)
 
         super().__init__(space, seed, learn, propose)
 
@@ -109,9 +106,12 @@ def learned_with_doubt(space: GaitSpace, runs: Sequence[EarlierRun], trials: Tri
         GaussianProcess.conditioned(coupled(runs, trials, scale, choice), alone.hyperparameters)
         for choice in correlations
     ]
-    evidence = np.array([process.log_evidence for process in processes])
-    weights = probable * np.exp(evidence - evidence.max())
-    weights /= weights.sum()
+    weights = probable
+    if len(trials) > 1:  # the common scale is made to fit the first, which therefore says nothing
+        earlier = sum(len(run.trials) for run in runs)
+        evidence = np.array([process.log_evidence(given=earlier) for process in processes])
+        weights = probable * np.exp(evidence - evidence.max())
+        weights /= weights.sum()
     kept = np.flatnonzero(weights > NEGLIGIBLE)
     posterior = Mixture([processes[i] for i in kept], weights[kept] / weights[kept].sum())
     belief = Belief.of(alone, scale, space)
@@ -142,11 +142,3 @@ def common_scale(runs: Sequence[EarlierRun], trials: Trials) -> Scale:
     size = np.abs(trials.scores).sum()
     scores = [run.trials.scores * (size / (np.abs(run.predicted(trials.x)).sum() or 1.0)) for run in runs]
     return Scale.of(np.concatenate([trials.scores, *scores]))
-
-
-def optimistic(belief: Belief, level: float) -> Belief:
-    """Return the belief that would be held, had the prior mean of all tasks been ``level`` deviations higher."""
-    mixture = belief.posterior
-    assert isinstance(mixture, Mixture)
-    posteriors = [raised(replace(belief, posterior=posterior), level).posterior for posterior in mixture.posteriors]
-    return replace(belief, posterior=Mixture(posteriors, mixture.weights))

@@ -16,7 +16,7 @@ from controller.types import GaitSpace, Source
 from transfer.belief import Belief, Trials, refitted
 from transfer.earlier_run import EarlierRun, best_of_all, learned_from
 from transfer.gp import GaussianProcess, Observations
-from transfer.proposal import Proposal, best_mean, expected_improvement
+from transfer.proposal import Proposal, expected_improvement
 from transfer.scale import Scale
 from transfer.search import Search
 from transfer.warm import WARM_TRIALS
@@ -55,7 +55,7 @@ class ICM(Search):
         def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
             if belief is None or len(trials) < len(warm):
                 return Proposal(warm[len(trials)], "best of source")
-            return expected_improvement(trials, belief, rng, best_mean)
+            return expected_improvement(belief, rng)
 
         super().__init__(space, seed, learn, propose)
 
@@ -71,7 +71,7 @@ def learned_jointly(
     for i in range(len(runs)):
         choices = [np.where(np.arange(len(runs)) == i, r, correlations) for r in CORRELATIONS]
         processes = [GaussianProcess.conditioned(coupled(runs, trials, scale, choice), fitted) for choice in choices]
-        best = int(np.argmax([process.log_evidence for process in processes]))
+        best = int(np.argmax([process.log_evidence() for process in processes]))
         correlations, process = choices[best], processes[best]
     belief = replace(Belief.of(process, scale, space), seen=trials.x)
     learned = dict(zip(names, correlations.tolist(), strict=True))

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.types import GaitSpace
-from transfer.acquisition import Posterior
 from transfer.belief import Belief, Trials
 from transfer.gp import GaussianProcess
 from transfer.plain_bo import learned_alone
-from transfer.proposal import Proposal, best_mean, expected_improvement
+from transfer.proposal import Proposal, expected_improvement
 from transfer.search import Search
-
-Array = NDArray[np.float64]
 
 OPTIMISM = 2.0
 """By how many standard deviations of the scores the prior mean is raised above their mean."""
@@ -39,33 +35,15 @@ class Optimistic(Search):
         def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
             if belief is None:
                 return Proposal(rng.random(space.dimension), "random")
-            return expected_improvement(trials, raised(belief, OPTIMISM), rng, best_mean)
+            return expected_improvement(raised(belief, OPTIMISM), rng)
 
         super().__init__(space, seed, learn, propose)
 
 
-@dataclass(frozen=True, slots=True)
-class Raised:
-    """The posterior under a prior mean of ``level`` instead of 0; ``process`` has been told scores less ``level``."""
-
-    process: GaussianProcess
-    level: float
-
-    def predict(self, x: Array) -> tuple[Array, Array]:
-        """See ``Posterior``."""
-        mean, variance = self.process.predict(x)
-        return mean + self.level, variance
-
-    def predict_with_gradient(self, x: Array) -> tuple[Array, Array, Array, Array]:
-        """See ``Posterior``."""
-        mean, variance, mean_gradient, variance_gradient = self.process.predict_with_gradient(x)
-        return mean + self.level, variance, mean_gradient, variance_gradient
-
-
 def raised(belief: Belief, level: float) -> Belief:
-    """Return the belief that would be held, had the prior mean been ``level`` standard deviations higher."""
-    process = belief.posterior
+    """Return the belief that would be held, had the middle of the scale been ``level`` standard deviations higher."""
+    process, scale = belief.posterior, belief.scale
     assert isinstance(process, GaussianProcess)
     observations = replace(process.observations, y=process.observations.y - level)
-    posterior: Posterior = Raised(GaussianProcess.conditioned(observations, process.hyperparameters), level)
-    return replace(belief, posterior=posterior)
+    posterior = GaussianProcess.conditioned(observations, process.hyperparameters)
+    return replace(belief, posterior=posterior, scale=replace(scale, centre=scale.centre + level * scale.spread))

@@ -9,7 +9,7 @@ from controller.types import GaitSpace
 from transfer.belief import Belief, Trials, refitted
 from transfer.gp import Observations
 from transfer.initial_design import initial_design
-from transfer.proposal import Incumbent, Proposal, best_mean, expected_improvement
+from transfer.proposal import Proposal, expected_improvement
 from transfer.scale import Scale
 from transfer.search import Search
 
@@ -24,16 +24,9 @@ class PlainBO(Search):
         seed: of all that is random.
         initial_trials: how many trials are spread over the space before the model chooses, at least 1. Not a share of
             the budget, so that a run can be extended.
-        incumbent: what a new trial should improve upon.
     """
 
-    def __init__(
-        self,
-        space: GaitSpace,
-        seed: int,
-        initial_trials: int = INITIAL_TRIALS,
-        incumbent: Incumbent = best_mean,
-    ) -> None:
+    def __init__(self, space: GaitSpace, seed: int, initial_trials: int = INITIAL_TRIALS) -> None:
         design = initial_design(initial_trials, space.dimension, stream(seed, 0, "initial design"))
 
         def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief | None:
@@ -42,7 +35,7 @@ class PlainBO(Search):
         def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
             if belief is None or len(trials) < initial_trials:
                 return Proposal(design[len(trials)], "initial design")
-            return expected_improvement(trials, belief, rng, incumbent)
+            return expected_improvement(belief, rng)
 
         super().__init__(space, seed, learn, propose)
 

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from transfer.acquisition import LogExpectedImprovement, maximise
-from transfer.belief import Belief, Trials
+from transfer.belief import Belief
+
+DRAWS = 256
 
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
     """A place (d,) of the unit cube to try next, and what proposed it.
 
-    ``improvement`` is the standardised score that it is expected to gain, infinite where it was not chosen for that.
+    ``improvement`` is the score that it is expected to gain, infinite where it was not chosen for that.
     """
 
     x: NDArray[np.float64]
@@ -25,22 +26,21 @@ class Proposal:
     improvement: float = math.inf
 
 
-Incumbent = Callable[[Trials, Belief], float]
-"""The standardised score that a new trial should improve upon."""
-
-
-def expected_improvement(trials: Trials, belief: Belief, rng: np.random.Generator, incumbent: Incumbent) -> Proposal:
-    """Return the place of the greatest expected improvement."""
-    acquisition = LogExpectedImprovement(belief.posterior, incumbent(trials, belief), belief.noise_variance)
+def expected_improvement(belief: Belief, rng: np.random.Generator) -> Proposal:
+    """Return the place of the greatest expected improvement over the expected best seen place."""
+    incumbent = expected_best(belief, rng)
+    acquisition = LogExpectedImprovement(belief.posterior, incumbent, belief.noise_variance)
     x = maximise(acquisition, belief.promising(), rng)
-    return Proposal(x, "expected improvement", math.exp(acquisition.value(x[None, :])[0]))
+    improvement = belief.scale.unit(incumbent) * math.exp(acquisition.value(x[None, :])[0])
+    return Proposal(x, "expected improvement", improvement)
 
 
-def best_mean(trials: Trials, belief: Belief) -> float:
-    """Return the greatest posterior mean at a seen place: under noise it drives fewer bad gaits."""
-    return float(belief.posterior.predict(belief.seen)[0].max())
+def expected_best(belief: Belief, rng: np.random.Generator) -> float:
+    """Return the expected standardised score of the best seen place, as if what is unknown of each were independent.
 
-
-def best_observation(trials: Trials, belief: Belief) -> float:
-    """Return the greatest standardised score, which under noise is a lucky one: it explores more."""
-    return float(belief.scale.standardise(trials.scores).max())
+    One of them may well be better than the best mean: the less is known of them, the further a new place must reach. A
+    place out of bounds counts as the nearest in them.
+    """
+    mean, variance = belief.posterior.predict(np.clip(belief.seen, 0.0, 1.0))
+    draws = mean + np.sqrt(variance) * rng.normal(size=(DRAWS, len(mean)))
+    return float(draws.max(axis=1).mean())

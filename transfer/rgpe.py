@@ -18,7 +18,7 @@ from transfer.belief import Belief, Trials
 from transfer.earlier_run import EarlierRun, best_of_all, learned_from
 from transfer.gp import GaussianProcess
 from transfer.plain_bo import learned_alone
-from transfer.proposal import Proposal, best_mean, expected_improvement
+from transfer.proposal import Proposal, expected_improvement
 from transfer.search import Search
 from transfer.warm import WARM_TRIALS
 
@@ -56,7 +56,7 @@ class RGPE(Search):
         def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
             if belief is None or len(trials) < len(warm):
                 return Proposal(warm[len(trials)], "best of source")
-            return expected_improvement(trials, belief, rng, best_mean)
+            return expected_improvement(belief, rng)
 
         super().__init__(space, seed, learn, propose)
 
@@ -116,7 +116,8 @@ def ensemble_weights(sources: Sequence[GaussianProcess], target: GaussianProcess
     ).astype(float)
     mistakes[:-1][np.median(mistakes[:-1], axis=1) > np.percentile(mistakes[-1], 95)] = np.inf
     # In a tie the target wins, else the first source.
-    winners = len(sources) - np.argmin(mistakes[::-1], axis=0)
+    order = np.roll(np.arange(len(predictions)), 1)
+    winners = order[np.argmin(mistakes[order], axis=0)]
     return np.bincount(winners, minlength=len(predictions)) / DRAWS
 
 

@@ -54,9 +54,9 @@ class Scale:
         """Return the scores (n,) at standardised values (n,)."""
         return np.asarray(self.bend * np.sinh(self.centre + self.spread * standardised))
 
-    def unit(self) -> float:
-        """Return how much the score grows with the standardised value in the middle of the scale."""
-        return self.bend * self.spread * float(np.cosh(self.centre))
+    def unit(self, standardised: float = 0.0) -> float:
+        """Return how much the score grows with the standardised value there; without one, in the middle."""
+        return self.bend * self.spread * float(np.cosh(self.centre + self.spread * standardised))
 
     def estimates(
         self, mean: Array, variance: Array, noise_variance: float, widening: float = 1.0

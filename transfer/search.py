@@ -93,8 +93,7 @@ class Search:
 
         Infinite while trials are not chosen for that.
         """
-        unit = 1.0 if self._belief is None else self._belief.scale.unit()
-        return unit * self._propose(self._trials, self._belief, self._stream("proposal")).improvement
+        return self._propose(self._trials, self._belief, self._stream("proposal")).improvement
 
     def _best(self) -> Array:
         """Return the place (d,) of the greatest posterior mean."""

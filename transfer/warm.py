@@ -12,7 +12,7 @@ from transfer.belief import Belief, Trials
 from transfer.earlier_run import best_of_all, learned_from
 from transfer.initial_design import initial_design
 from transfer.plain_bo import INITIAL_TRIALS, learned_alone
-from transfer.proposal import Proposal, best_mean, expected_improvement
+from transfer.proposal import Proposal, expected_improvement
 from transfer.search import Search
 
 WARM_TRIALS = 3
@@ -44,6 +44,6 @@ class WarmStart(Search):
                 return Proposal(warm[len(trials)], "best of source")
             if belief is None or len(trials) < INITIAL_TRIALS:
                 return Proposal(cold[len(trials) - len(warm)], "initial design")
-            return expected_improvement(trials, belief, rng, best_mean)
+            return expected_improvement(belief, rng)
 
         super().__init__(space, seed, learn, propose)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from queue import SimpleQueue
 from typing import TypeVar
 
+from controller.processes import processes
 from twin.robot import TwinRobot
 from twin.spatial import SpatialEngine
 
@@ -18,12 +18,15 @@ Task = Callable[[TwinRobot], Result]
 CHUNKS_PER_PROCESS = 8
 
 
-def run_all(make_robot: Callable[[], TwinRobot], tasks: Sequence[Task[Result]], jobs: int = 1) -> Iterator[Result]:
+def run_all(
+    make_robot: Callable[[], TwinRobot], tasks: Sequence[Task[Result]], jobs: int = 1
+) -> Generator[Result, None, None]:
     """Run each task alone with a robot, ``jobs`` of them at a time, and yield the results in order.
 
     Every task finds its robot as ``place`` puts it down, so the results do not depend on ``jobs``. The spatial twin
     runs over threads: MuJoCo leaves Python alone for all the steps between two commands, and nothing has to be started
     or sent about. Threads of the planar twin, whose every step is a call from Python, would only wait for each other.
+    Closing the generator gives up what is not done: processes end at once, threads after the task they are at.
 
     Args:
         make_robot: makes a robot. For the planar twin it must be picklable, and so must tasks and results.
@@ -58,7 +61,7 @@ def _over_threads(robots: Sequence[TwinRobot], tasks: Sequence[Task[Result]]) ->
 def _over_processes(make_robot: Callable[[], TwinRobot], tasks: Sequence[Task[Result]], jobs: int) -> Iterator[Result]:
     size = max(1, len(tasks) // (CHUNKS_PER_PROCESS * jobs))
     chunks = [tasks[first : first + size] for first in range(0, len(tasks), size)]
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+    with processes(jobs) as pool:
         for results in pool.map(partial(_one_by_one, make_robot), chunks):
             yield from results
 

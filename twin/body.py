@@ -122,10 +122,15 @@ class Body:
             masses[motor.strut] += motor.mass_kg
         return masses
 
+    @property
+    def node_shares(self) -> NDArray[np.float64]:
+        """Each strut end's share of the whole mass, shape (2 * struts,)."""
+        masses_kg = self.masses_kg
+        return np.asarray(np.repeat(masses_kg, 2) / (2.0 * masses_kg.sum()))
+
     def centre_m(self, nodes_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the centre of mass sum(m_i r_i) / sum(m_i), shape (3,), for nodes of shape (2 * struts, 3)."""
-        masses = self.masses_kg
-        return np.asarray(masses @ (nodes_m[0::2] + nodes_m[1::2]) / (2.0 * masses.sum()))
+        return np.asarray(self.node_shares @ nodes_m)
 
     def structure(self, terrain: Terrain | None = None) -> Structure:
         """Return what a viewer needs to draw the robot, on its terrain."""

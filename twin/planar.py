@@ -61,6 +61,7 @@ class PlanarEngine:
         self.world = world
         self.time_step_s = time_step_s or default_time_step_s(body)
         self._settled = _settled(body, world.gravity_m_s2, world.friction, self.time_step_s)
+        self._settled_rad = float(self._settled.angles_rad.mean())
         self.reset()
 
     def reset(self, start: Start = LEVEL) -> None:
@@ -100,7 +101,7 @@ class PlanarEngine:
 
     def angles_rad(self) -> tuple[float, float, float]:
         """See ``Engine``. A positive pitch takes z towards x."""
-        return 0.0, float(self._settled.angles_rad.mean()) - self._plane.mean_angle_rad(), 0.0
+        return 0.0, self._settled_rad - self._plane.mean_angle_rad(), 0.0
 
     def applied_hz(self) -> tuple[float, ...]:
         """See ``Engine``."""

@@ -111,7 +111,7 @@ class Plane:
 
         layout = flattened(body)
         self._world = world
-        self._lengths_m = layout.lengths_m
+        self._halves_m = (layout.lengths_m / 2.0).tolist()
         self.space = pymunk.Space()
         self.space.iterations = ITERATIONS
         self.space.collision_slop = SLOP_M
@@ -121,6 +121,7 @@ class Plane:
         for spring, rest_m in zip(body.springs, layout.rests_m.tolist(), strict=True):
             self._add_spring(spring, rest_m, body.tension_only)
         self._stretches: set[int] = set()
+        self._stretch: int | None = None
         self._lay_ground()
         self._stepper = Stepper(self.space, [self.struts[motor.strut] for motor in body.motors], time_step_s)
 
@@ -130,7 +131,11 @@ class Plane:
 
     def nodes_m(self) -> Array:
         """Return where the strut ends are now, shape (2 * struts, 2)."""
-        return np.array([strut.local_to_world(end) for strut, end in self._ends])
+        nodes = []
+        for strut, half_m in zip(self.struts, self._halves_m, strict=True):
+            (x_m, z_m), (cos, sin) = strut.position, strut.rotation_vector
+            nodes += [(x_m + half_m * cos, z_m + half_m * sin), (x_m - half_m * cos, z_m - half_m * sin)]
+        return np.array(nodes)
 
     def mean_angle_rad(self) -> float:
         """Return the mean of the struts' angles now."""
@@ -153,6 +158,9 @@ class Plane:
         from pymunk import Segment
 
         stretch = round(self.struts[0].position.x / self._stretch_m())
+        if stretch == self._stretch:
+            return
+        self._stretch = stretch
         for number in sorted({stretch - 1, stretch, stretch + 1} - self._stretches):
             self._stretches.add(number)
             knots = [tuple(knot) for knot in self._knots(number).tolist()]
@@ -180,9 +188,9 @@ class Plane:
     def _add_strut(self, body: Body, strut: int, posture: Posture) -> pymunk.Body:
         import pymunk
 
-        length_m, radius_m = float(self._lengths_m[strut]), body.struts[strut].radius_m
-        ends = ((length_m / 2.0, 0.0), (-length_m / 2.0, 0.0))
-        size = (length_m, 2.0 * radius_m)
+        half_m, radius_m = self._halves_m[strut], body.struts[strut].radius_m
+        ends = ((half_m, 0.0), (-half_m, 0.0))
+        size = (2.0 * half_m, 2.0 * radius_m)
         box = body.struts[strut].shape is Shape.BOX
         # A motor sits at the middle and adds nothing to the moment of inertia.
         own_kg = body.struts[strut].mass_kg
@@ -207,5 +215,5 @@ class Plane:
         self.space.add(damped)
 
     def _end(self, node: int) -> tuple[pymunk.Body, tuple[float, float]]:
-        half_m = float(self._lengths_m[node // 2]) / 2.0
+        half_m = self._halves_m[node // 2]
         return self.struts[node // 2], (-half_m if node % 2 else half_m, 0.0)

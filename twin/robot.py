@@ -87,7 +87,7 @@ class TwinRobot:
         self.motors.stop()
         self._motion.engine.reset(self._scatter.start(stream(self._seed, trial, "start")))
         motors = stream(self._seed, trial, "motors")
-        self._motion.factors = np.exp(motors.normal(0.0, self._scatter.frequency, len(self.max_hz))).tolist()
+        self._motion.begin(np.exp(motors.normal(0.0, self._scatter.frequency, len(self.max_hz))).tolist())
         self.tracker.random = stream(self._seed, trial, "tracker")
 
     def close(self) -> None:
@@ -100,19 +100,29 @@ class _Motion:
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
-        self.factors = [1.0] * len(engine.body.motors)
         self.now_s = 0.0
-        self.gait = Gait((0.0,) * len(engine.body.motors))
         self.until_s = 0.0
+        self._rest = Gait((0.0,) * len(engine.body.motors))
+        self.begin([1.0] * len(engine.body.motors))
+
+    def begin(self, factors: Sequence[float]) -> None:
+        """Begin a trial, in which the motors turn so many times as fast as they are told to."""
+        self._factors = factors
+        self._commanded = self._actual = self._rest
+
+    def command(self, gait: Gait, hold_s: float) -> None:
+        self.until_s = self.now_s + hold_s
+        if gait is not self._commanded:  # most commands of a trial are the one before
+            frequency_hz = tuple(map(operator.mul, gait.frequency_hz, self._factors))
+            self._commanded, self._actual = gait, replace(gait, frequency_hz=frequency_hz)
 
     def advance(self, duration_s: float) -> None:
         driven_s = min(duration_s, max(0.0, self.until_s - self.now_s))
         self.now_s += duration_s
         if driven_s > 0.0:
-            frequency_hz = tuple(map(operator.mul, self.gait.frequency_hz, self.factors))
-            self.engine.step(replace(self.gait, frequency_hz=frequency_hz), driven_s)
+            self.engine.step(self._actual, driven_s)
         if driven_s < duration_s:
-            self.engine.step(self.gait.scaled(0.0), duration_s - driven_s)
+            self.engine.step(self._actual.scaled(0.0), duration_s - driven_s)
 
 
 class TwinClock:
@@ -141,7 +151,7 @@ class TwinMotors:
     @property
     def motor_count(self) -> int:
         """Number of motors."""
-        return self._motion.gait.motor_count
+        return len(self._motion.engine.body.motors)
 
     def drive(self, gait: Gait, hold_s: float) -> None:
         """Apply ``gait`` for ``hold_s`` of twin time. Raises ValueError for another number of motors or a bad hold."""
@@ -149,8 +159,7 @@ class TwinMotors:
             raise ValueError(f"a gait for {gait.motor_count} motors, but the twin has {self.motor_count}")
         if not (math.isfinite(hold_s) and hold_s > 0.0):
             raise ValueError(f"hold_s is {hold_s:g}, which is not a time above 0")
-        self._motion.gait = gait
-        self._motion.until_s = self._motion.now_s + hold_s
+        self._motion.command(gait, hold_s)
 
     def state(self) -> MotorState:
         """Return the actual frequencies."""
@@ -170,22 +179,19 @@ class TwinTracker:
 
     def __init__(self, motion: _Motion, scatter: Scatter) -> None:
         self._motion = motion
-        self._scatter = scatter
+        self._node_shares = motion.engine.body.node_shares
+        nodes = len(self._node_shares)
+        self._noise = np.repeat([scatter.position_m, scatter.angle_rad], [3 * (1 + nodes), 3])
         self.random = stream(0, 0, "tracker")
 
     def pose(self) -> Pose:
         """Return where the robot is now."""
         engine = self._motion.engine
         nodes_m = engine.nodes_m()
-        points_m = np.vstack([engine.body.centre_m(nodes_m), nodes_m])
-        points_m += self.random.normal(0.0, self._scatter.position_m, points_m.shape)
-        yaw_rad, pitch_rad, roll_rad = (
-            engine.angles_rad() + self.random.normal(0.0, self._scatter.angle_rad, 3)
-        ).tolist()
-        centre_m, *markers_m = ((x, y, z) for x, y, z in points_m.tolist())
-        return Pose(
-            self._motion.now_s, centre_m, yaw_rad, pitch_rad, roll_rad, tuple(markers_m), self._motion.engine.forces()
-        )
+        seen = np.concatenate([self._node_shares @ nodes_m, nodes_m.ravel(), engine.angles_rad()])
+        numbers = (seen + self._noise * self.random.standard_normal(len(seen))).tolist()
+        centre_m, *markers_m, angles_rad = zip(*(iter(numbers),) * 3, strict=True)
+        return Pose(self._motion.now_s, centre_m, *angles_rad, tuple(markers_m), engine.forces())
 
 
 def planar_robot(

@@ -26,6 +26,7 @@ class Rotors:
 
     def __init__(self, motors: Sequence[Motor], time_step_s: float) -> None:
         self._laws = [motor.law for motor in motors]
+        self._same_law = len(set(self._laws)) == 1
         self._max_hz = np.array([motor.max_hz for motor in motors])
         self._lag_steps = np.array([motor.spin_up_s for motor in motors]) / time_step_s
         self._step_rad = 2.0 * math.pi * time_step_s
@@ -42,12 +43,16 @@ class Rotors:
         gap_hz = target_hz - self.applied_hz
         step = np.arange(1, steps + 1)[:, None]
         if np.abs(gap_hz).max() < SAME_HZ:
-            hz, turned = target_hz, step * target_hz
+            hz, turned = np.broadcast_to(target_hz, (steps, len(target_hz))), step * target_hz
         else:
             hz = target_hz - gap_hz * np.exp(-step / self._lag_steps)
             turned = np.cumsum(hz, axis=0)
         angle_rad = self._angle_rad + self._step_rad * turned
-        size_n = np.array([law.at(of_motor) for law, of_motor in zip(self._laws, hz.T, strict=True)]).T
-        hz = np.broadcast_to(hz, turned.shape)
         self.applied_hz, self._angle_rad = hz[-1], angle_rad[-1]
-        return hz, size_n * gait.amplitude * 1j * np.exp(-1j * (angle_rad + gait.phase_rad))
+        return hz, self._sizes_n(hz) * gait.amplitude * 1j * np.exp(-1j * (angle_rad + gait.phase_rad))
+
+    def _sizes_n(self, hz: Array) -> Array:
+        """Return the sizes of the forces at frequencies of shape (steps, motors)."""
+        if self._same_law:
+            return np.asarray(self._laws[0].at(hz))
+        return np.array([law.at(of_motor) for law, of_motor in zip(self._laws, hz.T, strict=True)]).T

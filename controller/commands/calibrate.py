@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
-from argparse import ArgumentParser, Namespace
+import tomllib
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +19,10 @@ if TYPE_CHECKING:
     from controller.calibrate import Reading
     from controller.config import RobotFile
 
+_QUESTION = "frequency in Hz (empty if the motor did not turn): "
+_TIMES_ASKED = 3
+_GREATEST_HZ = 1000.0  # no vibration motor is near it; what is above was mistyped
+
 
 def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--robot", type=Path, required=True, metavar="FILE", help="the robot's file")
@@ -26,7 +32,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
 
 
 def _execute(arguments: Namespace) -> Answer:
-    from controller.calibrate import fitted, rewritten, with_curves
+    from controller.calibrate import fitted, with_curves
     from controller.config import load_robot_file
 
     robot_file = load_robot_file(arguments.robot)
@@ -35,8 +41,7 @@ def _execute(arguments: Namespace) -> Answer:
         fitted([reading for reading in seen if reading.motor == motor], table.curve)
         for motor, table in enumerate(robot_file.motors)
     ]
-    text = arguments.robot.read_text(encoding="utf-8")
-    arguments.robot.write_text(rewritten(text, with_curves(robot_file, curves)), encoding="utf-8")
+    _keep(arguments.robot, with_curves(robot_file, curves))
     prose = [
         f"motor {motor}: " + ", ".join(f"{command:g} -> {hz:.2f} Hz" for command, hz in curve)
         for motor, curve in enumerate(curves, start=1)
@@ -64,11 +69,38 @@ def _measure(robot_file: RobotFile, arguments: Namespace) -> list[Reading]:
 
 
 def _asked_hz() -> float:
-    text = input("frequency in Hz (empty if the motor did not turn): ").strip()
+    """Ask on standard error, for standard output is the answer's, and ask again for what is no frequency."""
+    frequency = number(low=0.0, high=_GREATEST_HZ)
+    complaint = ""  # on a line of its own, as the question: they stand below the progress bar
+    for _ in range(_TIMES_ASKED):
+        print(f"\n{complaint}{_QUESTION}", end="", file=sys.stderr, flush=True)
+        text = sys.stdin.readline()
+        if not text:
+            raise UserError("--ask: the answers ended too early, nothing was kept: give one line for each question")
+        try:
+            return frequency(text.strip()) if text.strip() else math.nan
+        except ArgumentTypeError as error:
+            complaint = f"{error}\n"
+    raise UserError(f"--ask: {complaint.strip()}; nothing was kept: begin again")
+
+
+def _keep(path: Path, robot_file: RobotFile) -> None:
+    """Write the robot's file in one step, if it can be read again. Raises UserError."""
+    import msgspec
+
+    from controller.calibrate import rewritten
+    from controller.config import robot_file_from
+    from controller.disk import write_whole
+
+    if path.suffix == ".json":
+        text = json.dumps(msgspec.to_builtins(robot_file), indent=2) + "\n"
+    else:
+        text = rewritten(path.read_text(encoding="utf-8"), robot_file)
     try:
-        return float(text) if text else math.nan
-    except ValueError:
-        raise UserError(f"{text!r} is not a number; nothing was kept") from None
+        robot_file_from(json.loads(text) if path.suffix == ".json" else tomllib.loads(text), str(path))
+    except UserError as error:
+        raise UserError(f"nothing was kept, for this was measured: {error}; measure again or edit it") from None
+    write_whole(path.resolve(), text)
 
 
 COMMAND = Command(

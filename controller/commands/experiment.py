@@ -14,6 +14,7 @@ from controller.interface import UserError
 
 if TYPE_CHECKING:
     from transfer.experiments.findings import PairFindings
+    from transfer.experiments.unit import Settings
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -30,7 +31,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
     group.add_argument("--signed", action="store_true", help="motors may also turn backwards")
     group.add_argument("--seed", type=whole(0), default=0, help="of everything (default 0)")
     group = parser.add_argument_group("for a quick look")
-    group.add_argument("--duration", dest="duration_s", type=number(above=0), default=5.0, metavar="S",
+    group.add_argument("--duration", dest="duration_s", type=number(low=0.1), default=5.0, metavar="S",
                        help="of a trial (default 5)")  # fmt: skip
     group.add_argument("--starts", type=whole(1), default=20, metavar="N",
                        help="fresh starts that a true speed is the mean of (default 20)")  # fmt: skip
@@ -43,19 +44,41 @@ def _add_arguments(parser: ArgumentParser) -> None:
 
 def _execute(arguments: Namespace) -> Answer:
     from controller.assembly import one_line_errors
+    from controller.processes import processes
     from transfer.experiments.campaign import run_campaign, transfer_methods
+    from transfer.experiments.cluster import cluster
     from transfer.experiments.findings import as_json, findings
     from transfer.experiments.store import Store
     from transfer.experiments.thesis import pairs_named
-    from transfer.experiments.unit import Settings
-    from transfer.experiments.workers import cluster, processes
+    from transfer.experiments.unit import opened
 
     with one_line_errors():
         pairs = pairs_named(arguments.robot, arguments.experiment)
     methods = arguments.methods or transfer_methods()
     if unknown := set(methods) - set(transfer_methods()):
         raise UserError(f"--methods: {min(unknown)!r} is not one of {', '.join(transfer_methods())}")
-    settings = Settings(
+    settings = _settings(arguments)
+    with one_line_errors():
+        robot, _ = opened(settings, pairs[0].target, settings.seed)  # here, before anything is written
+        robot.close()
+    out = arguments.out or Path("runs") / f"experiments-{arguments.robot}{'-signed' * arguments.signed}"
+    with cluster(arguments.scheduler) if arguments.scheduler else processes(arguments.jobs) as executor:
+        store = Store.begin(out, settings)
+        try:
+            with one_line_errors():
+                run_campaign(store, pairs, arguments.repeats, methods, executor, _progress)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("what is done is saved: the same command goes on with it") from None
+    found = findings(store, pairs)
+    return Answer(_prose(found, out), {"experiments": as_json(found), "out": str(out)})
+
+
+def _settings(arguments: Namespace) -> Settings:
+    from transfer.experiments.unit import LONGEST_S, Settings
+
+    if arguments.duration_s > LONGEST_S:
+        raise UserError(f"--duration {arguments.duration_s:g} is too long: a trial takes {LONGEST_S:g} s at most")
+    return Settings(
         robot=arguments.robot,
         signed=arguments.signed,
         seed=arguments.seed,
@@ -63,15 +86,6 @@ def _execute(arguments: Namespace) -> Answer:
         starts=arguments.starts,
         most_trials=arguments.trials,
     )
-    out = arguments.out or Path("runs") / f"experiments-{arguments.robot}{'-signed' * arguments.signed}"
-    with cluster(arguments.scheduler) if arguments.scheduler else processes(arguments.jobs) as executor:
-        store = Store.begin(out, settings)
-        try:
-            run_campaign(store, pairs, arguments.repeats, methods, executor, _progress)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt("what is done is saved: the same command goes on with it") from None
-    found = findings(store, pairs)
-    return Answer(_prose(found, out), {"experiments": as_json(found), "out": str(out)})
 
 
 def _progress(units: Iterable[Any], total: int) -> Iterable[Any]:

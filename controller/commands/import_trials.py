@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import json
 import math
+import shutil
+import tempfile
 import time
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 _HZ: Mapping[str, float] = MappingProxyType({"hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 1.0 / math.tau})
 _METRES: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
 _M_S: Mapping[str, float] = MappingProxyType({"mm/s": 1e-3, "m/s": 1.0})
+_GREATEST_HZ, _GREATEST_M_S = 10_000.0, 1000.0  # beyond these it is a mistake, in the table or in the unit
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -43,25 +46,45 @@ def _add_arguments(parser: ArgumentParser) -> None:
 
 def _execute(arguments: Namespace) -> Answer:
     from controller.learn import summary
-    from controller.recording import LOG_NAME, RunLog
 
     if arguments.out.exists():
         raise UserError(f"--out {arguments.out} exists: choose another name, or move it away")
     trials = list(_trials(arguments))
     if not trials:
         raise UserError(f"{arguments.csv} has no trial: it needs a line of numbers below the column names")
-    arguments.out.mkdir(parents=True)
-    with RunLog.create(arguments.out / LOG_NAME, structure=None) as log:
-        for logged in trials:
-            log.append(logged)
     result = {"run": str(arguments.out), **summary(trials)}
-    (arguments.out / "summary.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    try:
+        _write_run(arguments.out, trials, json.dumps(result, indent=2) + "\n")
+    except OSError as error:
+        raise UserError(
+            f"--out {arguments.out} cannot be made: {error.strerror}; choose another --out, or make room"
+        ) from None
     best = result["best_observed"]
     return Answer(
         f"{len(trials)} trials, the fastest {1000.0 * best['score_m_s']:.1f} mm/s\n"
         f"learn from them: vvvaltr learn --source {arguments.out}",
         result,
     )
+
+
+def _write_run(path: Path, trials: Sequence[LoggedTrial], found: str) -> None:
+    """Make the run's directory in one step: what fails leaves nothing in its place. Raises OSError."""
+    from controller.disk import sync_folder, write_whole
+    from controller.recording import LOG_NAME, RunLog
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
+    try:
+        fresh.chmod(0o755)
+        with RunLog.create(fresh / LOG_NAME, structure=None) as log:
+            for logged in trials:
+                log.append(logged)
+        write_whole(fresh / "summary.json", found)
+        fresh.rename(path)
+        sync_folder(path)
+    except BaseException:
+        shutil.rmtree(fresh)
+        raise
 
 
 def _trials(arguments: Namespace) -> Iterator[LoggedTrial]:
@@ -72,16 +95,27 @@ def _trials(arguments: Namespace) -> Iterator[LoggedTrial]:
     m_s = _speed_factor(arguments)
     columns = arguments.gait.split(",")
     now_unix_s = time.time()
-    for count, row in enumerate(_rows(arguments.csv, [*columns, arguments.score]), start=1):
+    for count, (line, row) in enumerate(_rows(arguments.csv, [*columns, arguments.score]), start=1):
+        where = f"{arguments.csv}, line {line}"
         *motors, measured = row
         if measured < 0.0:
-            raise UserError(
-                f"{arguments.csv}: trial {count} has {arguments.score} {measured:g}: "
-                "a net displacement or speed is not below 0"
-            )
-        gait = Gait(tuple(hz * value for value in motors))
+            raise UserError(f"{where}: {arguments.score} is {measured:g}: a net displacement or speed is not below 0")
+        speed_m_s = _converted(where, arguments.score, measured, m_s, "m/s", _GREATEST_M_S)
+        pairs = zip(columns, motors, strict=True)
+        gait = Gait(tuple(_converted(where, column, value, hz, "Hz", _GREATEST_HZ) for column, value in pairs))
         trial = Trial(count, gait, Outcome.COMPLETED, "", now_unix_s, arguments.duration_s or 0.0)
-        yield LoggedTrial(Suggestion(gait, "imported"), trial, m_s * measured, None)
+        yield LoggedTrial(Suggestion(gait, "imported"), trial, speed_m_s, None)
+
+
+def _converted(where: str, column: str, value: float, factor: float, unit: str, greatest: float) -> float:
+    """Return ``value`` in ``unit``. Raises UserError beyond ``greatest``, the infinite too."""
+    converted = factor * value
+    if abs(converted) > greatest:
+        raise UserError(
+            f"{where}: {column} is {value:g}, which makes {converted:g} {unit}; allowed: up to {greatest:g}; "
+            "check the number, its unit and --duration"
+        )
+    return converted
 
 
 def _factor(option: str, unit: str, factors: Mapping[str, float]) -> float:
@@ -102,8 +136,8 @@ def _speed_factor(arguments: Namespace) -> float:
     return factor / float(arguments.duration_s)
 
 
-def _rows(path: Path, columns: list[str]) -> Iterator[list[float]]:
-    """Yield the numbers in these columns, line by line."""
+def _rows(path: Path, columns: list[str]) -> Iterator[tuple[int, list[float]]]:
+    """Yield the line's number and the numbers in these columns, line by line."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             table = csv.DictReader(file)
@@ -111,7 +145,12 @@ def _rows(path: Path, columns: list[str]) -> Iterator[list[float]]:
                 has = ", ".join(table.fieldnames or ["nothing"])
                 raise UserError(f"{path} has no column {missing[0]!r}: its first line has {has}")
             for row in table:
-                yield [_number(path, table.line_num, column, row[column]) for column in columns]
+                if None in row:  # where DictReader puts what is beyond the last column
+                    raise UserError(
+                        f"{path}, line {table.line_num} has more cells than there are column names: write decimals "
+                        "with a point, 1.5, and quote text with commas"
+                    )
+                yield table.line_num, [_number(path, table.line_num, column, row[column]) for column in columns]
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}: name a CSV file") from None
     except (UnicodeDecodeError, csv.Error) as error:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from argparse import ArgumentParser, Namespace
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -41,7 +42,13 @@ def _execute(arguments: Namespace) -> Answer:
         progress=partial(tqdm, total=gaits * survey.repeats, unit="trial", desc="landscape", file=sys.stderr),
     )
     condition = survey.choice
-    draw(panels, f"{condition.name} {condition.body} on {condition.world}, {survey.score_name} speed", arguments.out)
+    title = f"{condition.name} {condition.body} on {condition.world}, {survey.score_name} speed"
+    try:
+        draw(panels, title, arguments.out)
+    except OSError as error:
+        with suppress(OSError):
+            arguments.out.unlink()  # half a picture would refuse the next one of its name
+        raise _unwritable(arguments.out, error) from error
     result: dict[str, Any] = {
         "out": str(arguments.out),
         "panels": [
@@ -65,7 +72,17 @@ def _refuse_bad_out(out: Path) -> None:
         raise UserError(f"--out {out}: a picture's name ends in .png, .pdf or .svg")
     if out.exists():
         raise UserError(f"--out {out} exists: choose another name, or move it away")
-    out.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=out.parent):
+            pass
+    except OSError as error:
+        raise _unwritable(out, error) from error
+
+
+def _unwritable(out: Path, error: OSError) -> UserError:
+    reason = error.strerror or str(error)
+    return UserError(f"--out {out} cannot be written: {reason}; free some space, or choose another place, and repeat")
 
 
 def _survey(arguments: Namespace) -> Any:

@@ -124,7 +124,10 @@ def _save_recording(run: Path) -> None:
     from controller.showing import save_run
 
     print("making the Rerun recording", file=sys.stderr, flush=True)
-    save_run(run, run / "run.rrd")
+    try:
+        save_run(run, run / "run.rrd")
+    except UserError as error:  # the trials and the summary are safe
+        print(f"no Rerun recording: {error}; vvvaltr view {run} makes it anew", file=sys.stderr, flush=True)
 
 
 def _prose(result: dict[str, Any]) -> str:

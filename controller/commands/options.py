@@ -8,19 +8,20 @@ from collections.abc import Callable
 from typing import Any
 
 
-def number(low: float = -math.inf, above: float = -math.inf) -> Callable[[str], float]:
-    """Return an argument type: a finite number, at least ``low`` and greater than ``above``."""
+def number(low: float = -math.inf, above: float = -math.inf, high: float = math.inf) -> Callable[[str], float]:
+    """Return an argument type: a finite number, at least ``low``, greater than ``above`` and at most ``high``."""
 
     def convert(text: str) -> float:
         try:
             value = float(text)
         except ValueError:
             value = math.nan
-        if not (math.isfinite(value) and value >= low and value > above):
+        if not (math.isfinite(value) and low <= value <= high and value > above):
             bounds = (
                 f" greater than {above:g}" if above > -math.inf else f" of at least {low:g}" if low > -math.inf else ""
             )
-            raise ArgumentTypeError(f"{text!r} is not a number{bounds}")
+            most = f" and at most {high:g}" if high < math.inf else ""
+            raise ArgumentTypeError(f"{text!r} is not a number{bounds}{most}")
         return value
 
     return convert
@@ -30,11 +31,19 @@ def whole(low: int) -> Callable[[str], int]:
     """Return an argument type: a whole number of at least ``low``."""
 
     def convert(text: str) -> int:
-        if not text.strip().lstrip("+-").isdecimal() or int(text) < low:
+        try:
+            value = int(text)
+        except ValueError:  # of too many digits, too
+            value = low - 1
+        if value < low:
             raise ArgumentTypeError(f"{text!r} is not a whole number of at least {low}")
-        return int(text)
+        return value
 
     return convert
+
+
+trial_duration = number(low=0.1)
+"""The argument type of a trial's duration in s: long enough to see the robot move."""
 
 
 def add_robot_arguments(parser: ArgumentParser) -> None:
@@ -59,7 +68,7 @@ def add_robot_arguments(parser: ArgumentParser) -> None:
 def add_trial_arguments(parser: ArgumentParser) -> None:
     """Declare how a trial is run and scored."""
     group = parser.add_argument_group("trial")
-    group.add_argument("--duration", dest="duration_s", metavar="S", type=number(above=0), help="default 5")
+    group.add_argument("--duration", dest="duration_s", metavar="S", type=trial_duration, help="default 5")
     group.add_argument("--score", choices=("net", "path", "forward"), help="what counts as speed (default net)")
 
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
+from collections.abc import Set
 from contextlib import closing
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from controller.commands.answer import Answer, Command
 from controller.commands.options import add_robot_arguments, add_trial_arguments, asked_robot, number
+
+if TYPE_CHECKING:
+    from controller.types import Gait, Quantity
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -25,7 +29,7 @@ def _execute(arguments: Namespace) -> Answer:
     from controller.assembly import choose_robot, one_line_errors, open_rig
     from controller.scoring import score
     from controller.trial_runner import run_trial
-    from controller.types import Gait
+    from controller.types import Gait, Outcome
 
     choice = choose_robot(asked_robot(arguments))
     rig = open_rig(choice, arguments.seed or 0)
@@ -33,6 +37,7 @@ def _execute(arguments: Namespace) -> Answer:
         with one_line_errors():
             gait = Gait(tuple(arguments.frequency_hz), tuple(arguments.phase), tuple(arguments.amplitude))
             rig.robot.limits.check(gait)
+            _check_quantities(gait, rig.robot.motors.quantities, choice.name)
         settings = replace(rig.settings, duration_s=arguments.duration_s or rig.settings.duration_s)
         trial = run_trial(rig.robot, gait, settings)
     speed_m_s = score(trial, arguments.score or "net") if trial.outcome.is_valid else None
@@ -43,7 +48,18 @@ def _execute(arguments: Namespace) -> Answer:
         "gait_hz": list(gait.frequency_hz),
         "duration_s": trial.duration_s,
     }
-    return Answer(_prose(result), result, status=0 if trial.outcome.is_valid else 1)
+    interrupted = trial.outcome is Outcome.INTERRUPTED
+    return Answer(_prose(result), result, status=130 if interrupted else 0 if trial.outcome.is_valid else 1)
+
+
+def _check_quantities(gait: Gait, able: Set[Quantity], name: str) -> None:
+    """Raise ValueError for a phase or an amplitude that the motors cannot set."""
+    from controller.types import Quantity
+
+    given = {Quantity.PHASE: any(gait.phase_rad), Quantity.AMPLITUDE: any(share != 1.0 for share in gait.amplitude)}
+    for quantity, is_given in given.items():
+        if is_given and quantity not in able:
+            raise ValueError(f"--{quantity}: the motors of {name} cannot set it; leave it out")
 
 
 def _prose(result: dict[str, Any]) -> str:

@@ -79,15 +79,6 @@ def lock(file: IO[bytes] | FileIO, path: Path) -> None:
         pass  # a file system without locks; the log itself needs none
 
 
-def sync_folder(path: Path) -> None:
-    """Make the name of a file last, not only its bytes."""
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
-
-
 def register(writer: Writer, topic: str, kind: type[Message]) -> int:
     """Open a topic for one kind of message, and return its channel."""
     files: dict[str, FileDescriptor] = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 
 import msgspec
@@ -60,10 +61,12 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         triggers = (self.at_s, self.after_motion_s, self.at_reply)
         if sum(trigger is not None for trigger in triggers) != 1:
             raise ValueError("a fault has one of at_s, after_motion_s and at_reply")
-        if self.every_s is not None and self.every_s <= 0.0:
-            raise ValueError(f"every_s is {self.every_s:g}, but must be above 0")
-        if min(self.duration_s, self.delay_s, *(trigger for trigger in triggers if trigger is not None)) < 0.0:
-            raise ValueError("a fault's times must be 0 or more")
+        if self.every_s is not None and not 0.0 < self.every_s < math.inf:
+            raise ValueError(f"every_s is {self.every_s:g}, but must be above 0, and finite")
+        for name in ("at_s", "after_motion_s", "at_reply", "duration_s", "delay_s"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 <= value < math.inf:
+                raise ValueError(f"{name} is {value:g}, but must be 0 or more, and finite")
         if self.replies < 1 or self.motor < 1:
             raise ValueError("replies and motor count from 1")
 

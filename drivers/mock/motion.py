@@ -11,6 +11,7 @@ from controller.types import Gait
 from drivers.trackers.stream import PoseSender
 
 _POSE_PERIOD_S = 0.02
+_SHORTEST_STEP_S = 0.01  # a tracker sees no more of the motion, and the next byte is not kept waiting for it
 _LONGEST_STEP_S = 0.05  # a mock that was held up for longer lets the rest of that time pass without motion
 
 
@@ -31,6 +32,8 @@ class Motion:
 
     def advance(self, applied_hz: Sequence[float], now_s: float) -> None:
         """Let the robot move until ``now_s``, as ``time.monotonic()`` counts, and send its pose when that is due."""
+        if now_s - self._now_s < _SHORTEST_STEP_S:
+            return
         elapsed_s = min(now_s - self._now_s, _LONGEST_STEP_S)
         self._now_s = now_s
         try:

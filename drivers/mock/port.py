@@ -59,7 +59,7 @@ class PtyPort:
             itself passes them at once, as USB does.
 
     Raises:
-        ValueError: ``link`` is taken.
+        ValueError: ``link`` is taken, or cannot be made.
     """
 
     def __init__(self, link: Path, is_paced: bool) -> None:
@@ -70,7 +70,11 @@ class PtyPort:
         if link.is_symlink() or link.exists():
             raise ValueError(f"{link} exists already; choose another --link or remove it")
         self._ends: tuple[int, ...] = ()
-        self.plug()
+        try:
+            self.plug()
+        except OSError as error:  # it would name the pseudo-terminal
+            self._hang_up()
+            raise ValueError(f"{link} cannot be made: {error.strerror}; choose another --link") from error
 
     @property
     def name(self) -> str:
@@ -99,9 +103,7 @@ class PtyPort:
 
     def unplug(self) -> None:
         """Hang up: the controller sees the end of its line."""
-        for end in self._ends:
-            os.close(end)
-        self._ends = ()
+        self._hang_up()
         self._inbound = self._outbound = _Wire()
         self._link.unlink(missing_ok=True)
 
@@ -119,6 +121,11 @@ class PtyPort:
     def close(self) -> None:
         """Hang up for good."""
         self.unplug()
+
+    def _hang_up(self) -> None:
+        for end in self._ends:
+            os.close(end)
+        self._ends = ()
 
     def _byte_s(self) -> float:
         baud = _BAUDS.get(termios.tcgetattr(self._ends[1])[5], 0)

@@ -55,7 +55,7 @@ def decode_pose(datagram: bytes) -> tuple[int, Pose | None]:
     """
     try:
         message = msgspec.json.decode(datagram, type=_Message)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, RecursionError) as error:
         raise ValueError(f"malformed pose: {error}") from error
     if message.position_m is None:
         return message.sequence, None
@@ -121,8 +121,8 @@ class StreamTracker:
             self._socket.close()
             raise ValueError(f"cannot listen for poses on {host}:{port}: {error.strerror}") from error
         self._clock = RemoteClock()
-        self._sequence = -1
-        self._heard_s = -math.inf
+        self._datagram = b""
+        self._sequence, self._sent_s, self._heard_s = -1, -math.inf, -math.inf
         # What the newest datagram says, or why it says nothing: one attribute, for two threads share it.
         self._newest: Pose | str = f"no pose has come to {self.address}; is the tracker sending?"
         self._closing = threading.Event()
@@ -159,16 +159,20 @@ class StreamTracker:
             self._take(self._socket.recv(_LONGEST), time.monotonic())
 
     def _take(self, datagram: bytes, received_s: float) -> None:
+        if datagram == self._datagram:
+            return  # of a tracker that hangs and repeats itself: the pose grows old all the same
+        self._datagram = datagram
         try:
             sequence, pose = decode_pose(datagram)
         except ValueError as error:
             self._newest = str(error)
             return
-        if sequence <= self._sequence:
+        sent_s = self._sent_s if pose is None else pose.t_s
+        if sequence <= self._sequence or sent_s < self._sent_s:
             if received_s - self._heard_s < self._age_limit_s:
                 return  # repeated, or overtaken on its way
-            self._clock = RemoteClock()  # after a silence another sender may begin, at any number
-        self._sequence, self._heard_s = sequence, received_s
+            self._clock = RemoteClock()  # after a silence another sender may begin, at any number and time
+        self._sequence, self._sent_s, self._heard_s = sequence, sent_s, received_s
         if pose is None:
             self._newest = "the tracker does not see the robot"
         else:

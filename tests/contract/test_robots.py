@@ -67,7 +67,7 @@ def test_a_command_expires(robot: Robot) -> None:
     hold(robot, GAIT, 0.2)
 
     robot.motors.drive(GAIT, 0.15)
-    robot.clock.sleep(0.15 + 0.4)
+    robot.clock.sleep(0.15 + 0.6)
 
     assert robot.motors.state().frequency_hz == pytest.approx(REST.frequency_hz, abs=0.5)
 
@@ -77,7 +77,7 @@ def test_motors_stop_and_a_second_stop_does_no_harm(robot: Robot) -> None:
 
     robot.motors.stop()
     robot.motors.stop()
-    robot.clock.sleep(0.4)
+    robot.clock.sleep(0.6)
 
     assert robot.motors.state().frequency_hz == pytest.approx(REST.frequency_hz, abs=0.5)
 

@@ -13,6 +13,7 @@ import pytest
 
 from controller.cli import COMMANDS, main
 from controller.recording import read_run
+from drivers.mock.process import MockProcess
 
 VVVALTR = (sys.executable, "-c", "import sys; from controller.cli import main; sys.exit(main())")
 QUICK = ("--duration", "0.5", "--seed", "1")
@@ -102,6 +103,24 @@ def test_run_reports_one_trial(capsys: pytest.CaptureFixture[str]) -> None:
     assert status == 0
     assert set(found) == {"outcome", "reason", "score_m_s", "gait_hz", "duration_s"}
     assert (found["outcome"], found["gait_hz"], found["duration_s"]) == ("completed", [12.0, -14.0, 9.0], 0.5)
+
+
+@pytest.mark.parametrize(
+    ("more", "complaint"),
+    [
+        (("--phase", "1", "0", "0"), "--phase: the motors of"),
+        (("--amplitude", "0.5", "1", "1"), "--amplitude: the motors of"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+)
+def test_what_the_motors_cannot_set_is_bad_input(
+    odrive: MockProcess, more: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, err = call(["run", "5", "5", "5", "--robot", odrive.greeting.robot_file, *more], capsys)
+
+    assert (status, out) == (1, "")
+    assert err.startswith(f"vvvaltr: {complaint} {odrive.greeting.robot_file} cannot set it")
+    assert len(err.splitlines()) == 1
 
 
 def test_phases_can_be_searched(tmp_path: Path) -> None:
@@ -209,7 +228,7 @@ def test_a_resumed_run_must_be_asked_for_the_same(flat: Path, capsys: pytest.Cap
     for more, difference in (
         (["--seed", "2"], "seed: the run has 1, but 2 was asked for"),
         (["--world", "hills"], "world: the run has flat, but hills was asked for"),
-        (["--duration", "3"], "duration_s: the run has 0.5, but 3.0 was asked for"),
+        (["--duration", "3"], "--duration: the run has 0.5, but 3.0 was asked for"),
         (["--trials", "5"], "trials: the run has 10, but 5 was asked for"),
     ):
         status, _, err = call(["learn", "--resume", str(flat), *more], capsys)

@@ -12,6 +12,7 @@ from controller.document import load_document, to_toml
 from controller.interface import UserError
 from controller.safety import Arena
 from drivers.mock.faults import FaultScript, Kind
+from drivers.qik import timeout_s
 
 GOOD = """\
 # our robot
@@ -115,6 +116,17 @@ def test_a_run_keeps_the_file_and_gives_it_back(path: Path) -> None:
         ("board = 1\noutput = 0", "board = 0\noutput = 0", "line[1].motor[2] is where another motor is already"),
         ("board = 1\n", "", "line[1].motor[2].board is missing"),
         ("[127, 16.0]]\n\n[[line.motor]]", "[10, 16.0]]\n\n[[line.motor]]", "line[1].motor[1].curve: the points"),
+        ('"   # the left', '"\ntimeout = 16\n#', "line[1].timeout is 16, which means 0 s; allowed: 1 (0.262 s), 2"),
+        ('"   # the left', '"\ntimeout = 0\n#', "line[1].timeout is 0, which means 0 s; allowed: 1 (0.262 s), 2"),
+        ('"   # the left', '"\ntimeout = 127\n#', "line[1].timeout is 127, which means 503.04 s; allowed: 1"),
+        ('"   # the left', '"\ntimeout = 128\n#', "line[1].timeout is 128: expected"),
+        ('"   # the left', '"\nbaud = 4800\n#', "line[1].baud is 4800; allowed: 7200 or more, which 2 motors"),
+        ('"   # the left', '"\nbaud = 57600\n#', "line[1].baud is 57600: expected"),
+        (
+            "[[14, 2.0], [127, 16.0]]",
+            "[[14, 2.0], [255, 16.0]]",
+            "line[1].motor[2].curve: its commands reach 255; allowed: up to 127, or",
+        ),
         ("port = 5005", "port = 70000", "tracker.port is 70000: expected"),
         ('kind = "stream"', 'kind = "radar"', "tracker.kind is 'radar'; allowed: 'stream'"),
         ("high_hz = 15.0", "high_hz = 16.0", "search.high_hz is 16; allowed: -15 to 15"),
@@ -133,8 +145,33 @@ def test_a_bad_file_is_refused_with_key_value_and_what_is_allowed(path: Path, ol
     assert refusal(path, GOOD.replace(old, new, 1)).startswith(message)
 
 
+@pytest.mark.parametrize("timeout", [0, 1, 2, 3, 4, 15, 16, 17, 18, 32, 33, 112, 127])
+def test_a_qik_line_has_a_watchdog_of_a_second_at_most_or_is_refused(path: Path, timeout: int) -> None:
+    written(path, GOOD.replace('"   # the left', f'"\ntimeout = {timeout}\n#'))
+
+    if timeout in (1, 2, 3, 17):
+        assert isinstance(line := load_robot_file(path).line[0], QikLineTable)
+        assert 0.2 < timeout_s(line.settings.timeout) < 0.8
+    else:
+        with pytest.raises(UserError, match=rf"line\[1\]\.timeout is {timeout}, which means"):
+            load_robot_file(path)
+
+
+def test_with_eight_bits_commands_reach_255_and_no_further(path: Path) -> None:
+    text = GOOD.replace('"   # the left', '"\neight_bit = true\n#')
+
+    fine = load_robot_file(written(path, text.replace("[127, 16.0]", "[255, 16.0]")))
+
+    assert fine.motors[0].curve[-1] == (255.0, 16.0)
+    assert refusal(path, text.replace("[127, 16.0]", "[256, 16.0]", 1)) == (
+        "line[1].motor[1].curve: its commands reach 256; allowed: up to 255"
+    )
+
+
 def test_a_file_without_motors_is_refused(path: Path) -> None:
     assert refusal(path, 'line = []\n[tracker]\nkind = "stream"\nport = 5\n').startswith("line.motor is empty")
+    idle = '[[line]]\ndriver = "qik"\nport = "/dev/ttyUSB1"\nmotor = []\n\n'
+    assert refusal(path, GOOD.replace("[tracker]", f"{idle}[tracker]")).startswith("line[3].motor is empty")
 
 
 def test_a_file_that_is_not_there_is_named(path: Path) -> None:
@@ -156,7 +193,7 @@ def test_fault_scripts_are_toml_or_json(tmp_path: Path) -> None:
     [
         ('kind = "melt"\nat_s = 1.0', "fault[1].kind is 'melt'; allowed: 'drop', 'corrupt', 'delay'"),
         ('kind = "drop"', "fault[1]: a fault has one of at_s, after_motion_s and at_reply"),
-        ('kind = "drop"\nat_s = -1.0', "fault[1]: a fault's times must be 0 or more"),
+        ('kind = "drop"\nat_s = -1.0', "fault[1]: at_s is -1, but must be 0 or more, and finite"),
     ],
 )
 def test_a_bad_fault_script_is_refused_in_the_same_way(path: Path, text: str, message: str) -> None:

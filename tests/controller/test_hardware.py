@@ -11,8 +11,9 @@ import msgspec
 import pytest
 
 from controller.assembly import open_rig
-from controller.config import RobotFile, load_robot_file
-from controller.hardware import HardwareRobot, open_hardware
+from controller.calibrate import Reading, fitted, with_curves
+from controller.config import Points, RobotFile, load_robot_file
+from controller.hardware import HardwareRobot, open_hardware, open_motors
 from controller.interface import DeviceFault, LinkLost, TrackingLost, UserError
 from controller.run_config import RobotChoice
 from controller.trial_runner import TrialSettings, run_trial
@@ -21,18 +22,6 @@ from drivers.mock.faults import Fault, Kind
 from drivers.mock.process import MockProcess
 
 GAIT = Gait((6.0, -11.5, 16.5, 5.0, -7.0, 9.0))
-
-
-@pytest.fixture(scope="module")
-def qik(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MockProcess]:
-    with MockProcess("qik", tmp_path_factory.mktemp("qik") / "port") as mock:
-        yield mock
-
-
-@pytest.fixture(scope="module")
-def odrive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MockProcess]:
-    with MockProcess("odrive", tmp_path_factory.mktemp("odrive") / "port") as mock:
-        yield mock
 
 
 @pytest.fixture
@@ -105,6 +94,24 @@ def test_a_curve_corrects_what_a_motor_with_a_sensor_is_asked_for(odrive: MockPr
     assert applied_hz == pytest.approx((8.0, -8.0, 0.0))
 
 
+@pytest.mark.parametrize("share", [0.998, 0.9937, 1.02], ids=lambda share: f"{share:g} of what is asked")
+def test_a_calibrated_axis_turns_at_its_greatest_frequency_both_ways_and_no_faster(
+    odrive: MockProcess, share: float
+) -> None:
+    bare = load_robot_file(Path(odrive.greeting.robot_file))
+    seen = [Reading(0, command, share * command) for command in (16.5, 13.6, 10.7, 7.8, 4.9, 1.98)]
+    calibrated = with_curves(bare, [fitted(seen, ())] * 3)
+    greatest_hz = calibrated.limits.max_hz[0]
+
+    with closing(open_hardware(calibrated)) as robot:
+        hold(robot, Gait((greatest_hz, -greatest_hz, 0.0)), 0.3)
+        applied_hz = odrive.wait_until(lambda status: not status.is_at_rest).applied_hz
+        with pytest.raises(ValueError, match="beyond"):
+            robot.motors.drive(Gait((0.0, greatest_hz + 0.01, 0.0)), 0.25)
+
+    assert applied_hz == pytest.approx((greatest_hz / share, -greatest_hz / share, 0.0), abs=1e-3)
+
+
 def test_a_ramp_in_the_file_slows_the_start(odrive: MockProcess) -> None:
     robot_file = load_robot_file(Path(odrive.greeting.robot_file))
     line = robot_file.line[0]
@@ -148,9 +155,32 @@ def test_learning_gets_limits_search_and_trials_from_the_file(qik: MockProcess) 
     assert rig.settings.period_s == 0.04
 
 
-def test_a_node_with_other_motors_than_the_file_is_refused(tmp_path: Path) -> None:
-    with MockProcess("node", tmp_path / "port") as mock:
-        robot_file = load_robot_file(Path(mock.greeting.robot_file))
-        line = msgspec.structs.replace(robot_file.line[0], motor=robot_file.line[0].motor[:2])
-        with pytest.raises(DeviceFault, match="the node has 3 motors, the robot's file 2"):
-            open_hardware(msgspec.structs.replace(robot_file, line=(line,)))
+@pytest.fixture(scope="module")
+def node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MockProcess]:
+    with MockProcess("node", tmp_path_factory.mktemp("node") / "port") as mock:
+        yield mock
+
+
+def test_a_node_with_other_motors_than_the_file_is_refused(node: MockProcess) -> None:
+    line = load_robot_file(Path(node.greeting.robot_file)).line[0]
+
+    with pytest.raises(DeviceFault, match="the node has 3 motors, the robot's file 2"):
+        open_motors(msgspec.structs.replace(line, motor=line.motor[:2]))
+
+
+@pytest.mark.parametrize(
+    ("max_hz", "curve"), [(20.0, ()), (16.0, ((2.0, 1.6), (20.0, 16.0)))], ids=["as it is", "through its curve"]
+)
+def test_a_node_that_turns_slower_than_the_file_allows_is_refused_when_it_is_opened(
+    node: MockProcess, max_hz: float, curve: Points
+) -> None:
+    line = load_robot_file(Path(node.greeting.robot_file)).line[0]
+    eager = msgspec.structs.replace(line.motor[1], max_hz=max_hz, curve=curve)
+    eager_line = msgspec.structs.replace(line, motor=(line.motor[0], eager, line.motor[2]))
+
+    complaint = r"motor 2 of the line: the robot's file allows 20 Hz, the node's firmware 16\.5 Hz; lower max_hz"
+    with pytest.raises(DeviceFault, match=complaint) as caught:
+        open_motors(eager_line)
+
+    assert caught.value.code == "max_hz"
+    open_motors(line).close()

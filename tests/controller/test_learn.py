@@ -8,6 +8,7 @@ from controller.learn import Budget, learn, source_from, summary
 from controller.recording import LoggedTrial
 from controller.trial_runner import TrialCrashed, TrialSettings
 from controller.types import GaitSpace, Outcome
+from transfer.efficient_bo import EfficientBO
 from transfer.plain_bo import PlainBO
 
 SPACE = GaitSpace.over(3, 4.0, 16.7)
@@ -31,6 +32,16 @@ def test_the_loop_makes_its_trials_and_finds_the_fast_corner() -> None:
     assert found["recommended"]["gait_hz"][0] > 16.0
     assert found["recommended"]["mean_m_s"] == pytest.approx(found["best_observed"]["score_m_s"], rel=0.02)
     assert found["recommended"]["low_m_s"] < found["recommended"]["mean_m_s"] < found["recommended"]["high_m_s"]
+
+
+def test_a_search_that_ends_for_want_of_improvement_has_a_trial_at_least() -> None:
+    source_log: list[LoggedTrial] = []
+    run(ScriptedRobot(), 5, source_log)
+    efficient = EfficientBO(SPACE, 1, [source_from("earlier", source_log, "net")])
+
+    log = list(learn(ScriptedRobot(), efficient, SETTINGS, Budget(9, stop_below=1e9), lambda _: None))
+
+    assert len(log) == 1
 
 
 def test_a_resumed_run_goes_on_as_the_uninterrupted_one() -> None:

@@ -78,9 +78,18 @@ def test_leaving_the_arena_cuts_the_trial_short() -> None:
 
     check(Pose(0.0, (0.5, -0.2, 9.0)))
     with pytest.raises(SafetyStop, match=r"y = 0\.210 m") as stop:
-        check(Pose(0.1, (0.0, 0.21, 0.0)))
+        check(Pose(1.0, (0.0, 0.21, 0.0)))
 
     assert stop.value.outcome is Outcome.CUT_SHORT
+
+
+def test_leaving_the_arena_at_once_measures_nothing() -> None:
+    check = arena_guard(Arena((-0.5, 0.5), (-0.2, 0.2)))
+
+    with pytest.raises(SafetyStop, match="put the robot into its middle") as stop:
+        check(Pose(0.05, (0.51, 0.0, 0.0)))
+
+    assert stop.value.outcome is Outcome.FAULTED
 
 
 def turned(guard: HeadingGuard, *yaws_rad: float, period_s: float = 0.1) -> int:

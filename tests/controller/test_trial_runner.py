@@ -156,6 +156,21 @@ def test_a_hung_runner_lets_the_command_expire() -> None:
     assert run_trial(robot, GAIT, NO_RAMP).reason == "running: False"
 
 
+@pytest.mark.parametrize("where", ["sleep", "pose"])
+def test_a_trial_in_which_a_command_ran_out_measured_nothing(where: str) -> None:
+    robot = ScriptedRobot(at_s=1.0, where=where)
+
+    def hang() -> None:
+        robot.event = lambda: None
+        robot.sleep(NO_RAMP.hold_s + 0.01)
+
+    robot.event = hang
+    trial = run_trial(robot, GAIT, NO_RAMP)
+
+    assert trial.outcome is Outcome.FAULTED
+    assert "so the motors stopped" in trial.reason
+
+
 def test_no_garbage_is_collected_while_motors_turn() -> None:
     seen: list[bool] = []
 

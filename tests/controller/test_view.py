@@ -192,6 +192,26 @@ def test_an_unwritable_recording_is_refused_by_name(tmp_path: Path) -> None:
         save_recording(RUN, tmp_path / "nowhere" / "run.rrd", "sample")
 
 
+def test_a_full_disk_ends_the_recording_leaves_nothing_and_does_not_fail_the_run(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    program = (
+        "import resource, signal, sys; from controller import showing; from controller.cli import main\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); save = showing.save_run\n"
+        "def save_on_little_room(*paths):\n"
+        "    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); save(*paths)\n"
+        "showing.save_run = save_on_little_room; sys.exit(main())"
+    )
+    options = ("learn", "--robot", "planar", "--trials", "2", "--duration", "0.5", "--out", str(run))
+
+    done = subprocess.run(
+        [sys.executable, "-c", program, *options], capture_output=True, text=True, timeout=60, check=False
+    )
+
+    assert done.returncode == 0, done.stderr
+    assert f"no Rerun recording: {run / 'run.rrd'} cannot be written: File too large" in done.stderr
+    assert not list(run.glob("run.rrd*"))
+
+
 def test_without_a_screen_the_user_is_told_what_else_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)

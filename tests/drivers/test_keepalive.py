@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 
@@ -31,6 +31,7 @@ class Line:
     is_silent: bool = False
     is_stalled: bool = False
     measured: bool = True
+    slack_hz: float = 0.0
     is_closed: bool = False
 
     def check(self, gait: Gait) -> None:
@@ -53,7 +54,7 @@ class Line:
             self.heard_s = time.monotonic()
 
     def state(self) -> MotorState:
-        applied_hz = 0.0 if self.is_stalled else self.sent[-1][1]
+        applied_hz = 0.0 if self.is_stalled else max(0.0, self.sent[-1][1] - self.slack_hz)
         return MotorState(self.heard_s, (applied_hz,), self.measured)
 
     def close(self) -> None:
@@ -61,6 +62,13 @@ class Line:
 
     def sent_since(self, t_s: float) -> list[float]:
         return [value for sent_s, value in self.sent if sent_s >= t_s]
+
+
+def raising(error: Exception) -> Callable[[float], None]:
+    def listen(until_s: float) -> None:
+        raise error
+
+    return listen
 
 
 @contextmanager
@@ -93,8 +101,9 @@ def test_a_stop_is_sent_at_once_and_waits_for_the_devices_next_word() -> None:
         stopped_s = time.monotonic()
         motors.stop()
 
-        assert line.sent_since(stopped_s)[0] == 0.0
-        assert line.heard_s > stopped_s
+        rested_s = next(sent_s for sent_s, value in line.sent if sent_s >= stopped_s and value == 0.0)
+        assert rested_s < stopped_s + 0.05
+        assert line.heard_s > rested_s
 
 
 @pytest.mark.parametrize("kind", [DeviceFault("hot", "too hot"), DeviceTimeout("late"), LinkLost("gone")])
@@ -145,6 +154,18 @@ def test_a_motor_that_does_not_start_or_falls_behind_has_stalled() -> None:
     assert caught.value.code == "stall"
 
 
+def test_a_motor_that_fell_behind_just_before_the_stop_has_stalled() -> None:
+    with held() as (motors, (line,)):
+        motors.drive(GAIT, 5.0)
+        time.sleep(0.1)
+        line.is_stalled = True
+        time.sleep(0.085)
+
+        with pytest.raises(DeviceFault, match="turns at 0 Hz instead of 10 Hz"):
+            motors.stop()
+        assert line.sent[-1][1] == 0.0
+
+
 def test_without_a_sensor_nothing_is_said_of_a_stall() -> None:
     with held() as (motors, (line,)):
         line.measured = False
@@ -165,6 +186,26 @@ def test_a_defect_in_a_protocol_rests_the_motors_and_is_told(monkeypatch: pytest
         with pytest.raises(DeviceFault, match="ZeroDivisionError: oops"):
             motors.drive(GAIT, 1.0)
         assert line.sent[-1][1] == 0.0
+
+
+def test_a_slow_ramp_gives_the_motor_time_to_start() -> None:
+    with held(ramp_hz_s=(4.0,)) as (motors, (line,)):
+        line.slack_hz = 0.3
+        motors.drive(GAIT, 5.0)
+        time.sleep(0.6)
+
+        assert motors.state().frequency_hz[0] < 3.0
+
+
+def test_a_line_that_fails_at_once_is_told_to_rest_twice_a_period_at_most() -> None:
+    with held() as (motors, (line,)):
+        motors.drive(GAIT, 1.0)
+        line.listen = raising(DeviceFault("noise", "noise"))  # type: ignore[method-assign]
+        time.sleep(0.1)
+        begun_s = time.monotonic()
+        time.sleep(0.3)
+
+        assert 10 <= len(line.sent_since(begun_s)) <= 62  # as the period begins, and when it fails
 
 
 def test_a_ramp_limits_the_change_of_frequency_and_begins_from_rest() -> None:

@@ -188,6 +188,10 @@ def test_a_reader_that_falls_asleep_does_not_hold_up_the_device(tmp_path: Path) 
         (["qik", "--faults", "nowhere.toml"], "nowhere.toml: there is no such file"),
         (["qik", "--faults", "bad.toml"], "bad.toml: fault[1].kind is 'melt'; allowed: 'drop'"),
         (["qik", "--faults", "far.toml"], "motor is 4; allowed: 1 to 3"),
+        (["qik", "--faults", "never.toml"], "at_s is nan, but must be 0 or more, and finite"),
+        (["qik", "--link", "no/where"], "no/where cannot be made: No such file or directory; choose another --link"),
+        (["qik", "--link", "taken/here"], "taken/here"),
+        (["qik", "--link", "picture"], "picture.toml is not a mock's file and would be overwritten"),
         (["qik", "--interface", "virtual", "--channel", "x"], "--interface and --channel go together, and with odrive"),
     ],
 )
@@ -196,6 +200,8 @@ def test_bad_input_is_one_line_and_nothing_is_left_behind(tmp_path: Path, argume
     (tmp_path / "mine.toml").write_text("# my robot\n")
     (tmp_path / "bad.toml").write_text('[[fault]]\nkind = "melt"\nat_s = 1.0\n')
     (tmp_path / "far.toml").write_text('[[fault]]\nkind = "stall"\nat_s = 1.0\nmotor = 4\n')
+    (tmp_path / "never.toml").write_text('[[fault]]\nkind = "drop"\nat_s = nan\n')
+    (tmp_path / "picture.toml").write_bytes(b"\x89PNG")
     before = sorted(tmp_path.iterdir())
 
     with started(*arguments, cwd=tmp_path) as process:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import select
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -10,6 +12,7 @@ from contextlib import closing, contextmanager
 
 import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 
 from controller.interface import DeviceFault, DeviceTimeout, LinkLost
 from controller.types import Gait
@@ -20,7 +23,7 @@ from drivers.mock.faults import Fault, Kind
 from drivers.mock.odrive import OdriveAxis, OdriveDevice
 from drivers.mock.plugged import PluggedDevice
 from drivers.mock.process import MockProcess
-from drivers.odrive import AxisState, Firmware, OdriveMotor, open_line
+from drivers.odrive import AxisState, Firmware, Message, OdriveLine, OdriveMotor, encode, open_line
 
 MOTORS = [OdriveMotor(node, 16.5) for node in range(3)]
 GAIT = Gait((6.0, -11.5, 16.5))
@@ -178,6 +181,35 @@ class Stubborn(OdriveAxis):
             super()._request(state, now_s)
 
 
+class HeldUpLink(CanLink):
+    """Falls asleep between arming the first axis and arming the second, while the other thread listens on."""
+
+    line: OdriveLine
+
+    def send(self, frame: Frame) -> None:
+        if frame == encode(1, Message.SET_STATE, AxisState.CLOSED_LOOP):
+            self.line.listen(time.monotonic() + 0.12)  # a heartbeat or two
+        super().send(frame)
+
+
+def test_an_axis_that_is_armed_before_the_next_one_is_told_is_no_cause_for_an_emergency_stop() -> None:
+    device = OdriveDevice()
+    with on_a_virtual_bus(device) as channel:
+        link = HeldUpLink("virtual", channel, 500_000)
+        with closing(OdriveLine(link, MOTORS, Firmware.NEW)) as line:
+            link.line = line
+            line.arm()
+            rested_s = time.monotonic()
+            while time.monotonic() < rested_s + 0.4:
+                line.rest()
+                line.listen(time.monotonic() + 0.02)
+
+            line.send(GAIT)
+            line.listen(time.monotonic() + 0.05)
+
+            assert device.applied_hz == pytest.approx(GAIT.frequency_hz)
+
+
 def test_an_axis_that_stays_armed_is_stopped_by_force() -> None:
     device = OdriveDevice()
     device.axes[1] = Stubborn(1, Firmware.NEW)
@@ -191,6 +223,53 @@ def test_an_axis_that_stays_armed_is_stopped_by_force() -> None:
 
     assert caught.value.code == "disobedient"
     assert device.axes[1].state == AxisState.IDLE
+
+
+class SocketBus(VirtualBus):
+    """After its end it does what a socketcan bus does: it waits for a socket that is closed."""
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self._is_shutdown:
+            with socket.socket() as closed:
+                closed.close()
+                select.select([], [closed], [], timeout)
+        super().send(msg, timeout)
+
+
+@pytest.fixture
+def socket_bus(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(can, "Bus", lambda interface, channel, bitrate: SocketBus(channel=channel))
+
+
+@pytest.mark.usefixtures("socket_bus")
+def test_sending_on_a_closed_bus_is_a_lost_link() -> None:
+    link = CanLink("socketcan", next(CHANNELS), 500_000)
+    link.close()
+    link.close()
+
+    with pytest.raises(LinkLost, match="socketcan:"):
+        link.send(Frame(0x21))
+
+
+@pytest.mark.usefixtures("socket_bus")
+def test_a_bus_that_is_not_back_yet_is_opened_again_and_closed_twice() -> None:
+    device = OdriveDevice()
+    absences = iter([False, True, True])
+
+    def open_or_not() -> OdriveLine:
+        if next(absences, False):
+            raise LinkLost("not plugged in yet")
+        return open_line("virtual", channel, 500_000, MOTORS)
+
+    with on_a_virtual_bus(device) as channel:
+        motors = HeldMotors(open_or_not)
+        device.axes[1].fail(device.axes[1].bit(WATCHDOG))
+        with pytest.raises(DeviceFault):
+            hold(motors, GAIT, 0.5)
+        motors.ready(patience_s=5.0)
+        hold(motors, GAIT, 0.1)
+        motors.close()
+        motors.close()
 
 
 def test_error_frames_on_the_bus_and_other_traffic_are_passed_over() -> None:

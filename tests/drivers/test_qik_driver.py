@@ -9,13 +9,16 @@ from dataclasses import replace
 
 import pytest
 
+from controller.config import QikLineTable, QikMotorTable
+from controller.hardware import open_motors
 from controller.interface import DeviceFault, DeviceTimeout, LinkLost
 from controller.types import Gait
+from drivers.calibration import Curve
 from drivers.keepalive import WATCHDOG, HeldMotors
 from drivers.mock.faults import Fault, Kind
 from drivers.mock.process import MockProcess
-from drivers.mock.qik import CURVE
-from drivers.qik import Command, Parameter, QikMotor, QikSettings, open_line, packet
+from drivers.mock.qik import CURVE, QikDevice
+from drivers.qik import Command, Parameter, QikLine, QikMotor, QikSettings, least_baud, open_line, packet
 from drivers.serial_link import SerialLink
 
 MOTORS = [QikMotor(0, 0, CURVE), QikMotor(0, 1, CURVE), QikMotor(1, 0, CURVE)]
@@ -36,6 +39,36 @@ def hold(motors: HeldMotors, gait: Gait, duration_s: float) -> None:
         motors.state()
 
 
+class DirectLine:
+    """Leads to boards in this process, without delay, and counts what is written."""
+
+    name = "boards"
+
+    def __init__(self) -> None:
+        self.device = QikDevice()
+        self.written = 0
+        self._said = b""
+
+    def write(self, data: bytes) -> None:
+        self.written += len(data)
+        self._said += self.device.on_bytes(data, 0.0)
+
+    def read(self, size: int, timeout_s: float) -> bytes:
+        self._said += self.device.tick(1.0)
+        said, self._said = self._said[:size], self._said[size:]
+        return said
+
+    def close(self) -> None:
+        """Nothing is to be let go of."""
+
+
+def armed(link: DirectLine, motors: list[QikMotor], settings: QikSettings) -> QikLine:
+    line = QikLine(link, motors, settings)
+    link.write(b"\xaa")
+    line.rest()
+    return line
+
+
 def test_watchdog_and_shutdown_are_switched_on_and_stay_so(qik: MockProcess, motors: HeldMotors) -> None:
     motors.close()
     link = SerialLink(qik.greeting.port, 19200)
@@ -43,8 +76,7 @@ def test_watchdog_and_shutdown_are_switched_on_and_stay_so(qik: MockProcess, mot
         for board in (0, 1):
             for parameter in (Parameter.TIMEOUT, Parameter.SHUT_DOWN):
                 link.write(packet(board, Command.GET, parameter))
-                time.sleep(0.1)
-                assert link.read(10, 0.0) == b"\x01"
+                assert link.read(10, 2.0) == b"\x01"
     finally:
         link.close()
 
@@ -76,9 +108,133 @@ def test_a_slow_start_is_pushed(qik: MockProcess, motors: HeldMotors) -> None:
     assert qik.wait_until(lambda status: not status.is_at_rest).applied_hz[0] == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.parametrize(("max_hz", "command"), [(10.0, 69), (6.0, 40), (2.05, 16), (16.5, 127), (None, 127)])
+def test_a_push_keeps_to_the_motors_limit(max_hz: float | None, command: int) -> None:
+    motors = [QikMotor(0, 0, CURVE) if max_hz is None else QikMotor(0, 0, CURVE, max_hz)]
+    link = DirectLine()
+
+    armed(link, motors, QikSettings()).send(Gait((-2.05,)))
+
+    assert link.device.boards[0].speeds[0] == -command
+
+
+def test_the_limit_in_the_robots_file_holds_for_a_push(qik: MockProcess) -> None:
+    motor = QikMotorTable(board=0, output=0, max_hz=10.0, curve=CURVE.points)
+    part = open_motors(QikLineTable(port=qik.greeting.port, motor=(motor,)))
+    with closing(part):
+        began_s = time.monotonic()
+        hold(part.motors, Gait((2.0,)), 0.5)
+        seen_hz = [status.applied_hz[0] for status in qik.statuses if status.t_s > began_s]
+
+    assert 9.5 < max(seen_hz) <= 10.0
+    assert seen_hz[-1] == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_motor_is_pushed_no_further_than_its_curve_goes() -> None:
+    link = DirectLine()
+    curve = Curve(((14.0, 1.8), (80.0, 11.5)))
+
+    armed(link, [QikMotor(0, 0, curve)], QikSettings()).send(Gait((2.0,)))
+
+    assert link.device.boards[0].speeds[0] == 80
+
+
+def test_a_changed_gait_goes_out_motor_by_motor() -> None:
+    link = DirectLine()
+    line = armed(link, MOTORS, QikSettings(spin_up_s=0.0))
+    line.send(Gait((6.0, 6.0, 6.0)))
+    before, changed = link.written, Gait((11.5, -11.5, 0.0))
+
+    line.send(changed)
+    assert link.written == before
+    for repeats in (1, 2, 3):
+        line.repeat(changed)
+        assert link.written == before + 4 * repeats
+
+    assert link.device.applied_hz == pytest.approx(changed.frequency_hz, abs=0.1)
+
+
+def test_a_slow_start_among_turning_motors_is_pushed() -> None:
+    link = DirectLine()
+    line = armed(link, [replace(motor, max_hz=10.0) for motor in MOTORS], QikSettings(spin_up_s=0.05))
+    line.send(Gait((6.0, 0.0, 6.0)))
+    changed = Gait((6.0, 2.0, 6.0))
+
+    for _ in MOTORS:
+        line.repeat(changed)
+    assert link.device.applied_hz == pytest.approx((6.0, 10.0, 6.0), abs=0.15)
+    time.sleep(0.06)
+    for _ in MOTORS:
+        line.repeat(changed)
+
+    assert link.device.applied_hz == pytest.approx((6.0, 2.0, 6.0), abs=0.1)
+
+
+def test_a_stop_tells_all_motors_at_once_also_in_the_middle_of_a_change() -> None:
+    link = DirectLine()
+    line = armed(link, MOTORS, QikSettings())
+    line.send(GAIT)
+    line.repeat(GAIT.scaled(0.5))
+
+    line.rest()
+
+    assert link.device.applied_hz == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("timeout", [0, 4, 16, 32, 48, 64, 80, 96, 112, 127])
+def test_there_are_no_boards_without_a_quick_watchdog(timeout: int) -> None:
+    with pytest.raises(ValueError, match=rf"timeout is {timeout}, which means .*; allowed: 1 \(0\.262 s\), 2"):
+        open_line("/dev/none", 19200, MOTORS, QikSettings(timeout=timeout))
+
+
+def test_commands_that_the_boards_have_not_are_refused() -> None:
+    motors = [QikMotor(0, 0, Curve(((14.0, 1.8), (255.0, 16.5))))]
+
+    with pytest.raises(ValueError, match="its commands reach 255; allowed: up to 127"):
+        open_line("/dev/none", 19200, motors, QikSettings())
+
+
+@pytest.mark.parametrize(
+    ("motor_count", "has_crc", "baud"),
+    [(1, False, 4800), (3, False, 9600), (3, True, 12000), (6, False, 16800), (6, True, 21000)],
+)
+def test_more_motors_need_a_faster_line(motor_count: int, has_crc: bool, baud: int) -> None:
+    assert least_baud(motor_count, has_crc) == baud
+
+    motors = [QikMotor(number // 2, number % 2, CURVE) for number in range(motor_count)]
+    with pytest.raises(ValueError, match=f"baud is {baud - 1}; allowed: {baud} or more"):
+        open_line("/dev/none", baud - 1, motors, QikSettings(has_crc=has_crc))
+    with pytest.raises(LinkLost):
+        open_line("/dev/none", baud, motors, QikSettings(has_crc=has_crc))
+
+
+@pytest.mark.parametrize("ramp_hz_s", [(), (8.0, 8.0, 8.0)], ids=["at once", "ramp"])
+def test_on_the_slowest_line_a_stop_waits_for_nothing(qik: MockProcess, ramp_hz_s: tuple[float, ...]) -> None:
+    baud = least_baud(len(MOTORS), has_crc=False)
+    with closing(HeldMotors(lambda: open_line(qik.greeting.port, baud, MOTORS, QikSettings()), 0.4, ramp_hz_s)) as held:
+        for step in range(160):  # another gait every 5 ms
+            held.drive(Gait((6.0 + 0.05 * step, -8.0, 14.0 - 0.05 * step)), 0.25)
+            time.sleep(0.005)
+        assert any(held.state().frequency_hz)
+        stopped_s = time.monotonic()
+        held.stop()
+        qik.wait_until(lambda status: status.t_s > stopped_s + 0.5)
+
+    late_s = [status.t_s - stopped_s for status in qik.statuses if not status.is_at_rest]
+    assert -0.2 < max(late_s) < 0.15
+
+
 def test_a_board_that_is_not_there_is_named(qik: MockProcess) -> None:
     with pytest.raises(DeviceTimeout, match=r"no board answers as number 5; check power, wiring"):
         HeldMotors(lambda: open_line(qik.greeting.port, 19200, [QikMotor(5, 0, CURVE)], QikSettings()))
+
+
+@pytest.mark.parametrize("kind", [Kind.CORRUPT, Kind.DROP])
+def test_a_board_whose_first_answers_are_spoilt_is_found_all_the_same(qik: MockProcess, kind: Kind) -> None:
+    qik.befall(Fault(kind=kind, at_s=0.0, replies=2))
+    time.sleep(0.1)
+
+    open_line(qik.greeting.port, 19200, MOTORS, QikSettings()).close()
 
 
 def test_a_port_that_is_not_there_is_a_lost_link() -> None:

@@ -112,7 +112,9 @@ def test_a_pose_that_was_long_under_way_is_old(tracker, wire):
     assert "s old" in until(tracker, lambda seen: not is_pose(seen))
 
 
-@pytest.mark.parametrize("datagram", [b"noise", b"", b"{}", b'{"sequence": 1, "t_s": 0, "position_m": [0, NaN, 0]}'])
+@pytest.mark.parametrize(
+    "datagram", [b"noise", b"", b"{}", b'{"x":' + b"[" * 5000, b'{"sequence": 1, "t_s": 0, "position_m": [0, NaN, 0]}']
+)
 def test_a_malformed_pose_loses_the_robot_until_the_next_good_one(tracker, wire, datagram):
     wire.send(encode_pose(0, pose_at(0.1)))
     until(tracker, is_pose)
@@ -133,12 +135,26 @@ def test_repeated_and_overtaken_poses_change_nothing(tracker, wire):
     assert seen <= {0.5, 0.6}
 
 
-def test_after_a_silence_a_new_sender_may_begin(tracker, wire):
-    wire.send(encode_pose(1000, pose_at(0.1, t_s=5000.0)))
+@pytest.mark.parametrize(("first", "next_"), [(1000, 0), (1, 1000)])
+def test_after_a_silence_a_sender_whose_numbers_or_clock_begin_anew_is_believed(tracker, wire, first, next_):
+    wire.send(encode_pose(first, pose_at(0.1, t_s=5000.0)))
     until(tracker, is_pose)
     until(tracker, lambda seen: not is_pose(seen))
-    wire.send(encode_pose(0, pose_at(0.2, t_s=1.0)))
+    wire.send(encode_pose(next_, pose_at(0.2, t_s=1.0)))
     assert until(tracker, is_pose).position_m[0] == 0.2
+
+
+def test_a_tracker_that_hangs_and_repeats_itself_is_lost(tracker, wire):
+    datagram, seen = encode_pose(1, pose_at(0.1)), []
+    deadline_s = time.monotonic() + 4.0 * AGE_LIMIT_S
+    while time.monotonic() < deadline_s:
+        wire.send(datagram)
+        time.sleep(0.01)
+        try:
+            seen.append((time.monotonic(), tracker.pose()))
+        except TrackingLost:
+            continue
+    assert seen and seen[-1][0] - seen[0][0] < 1.5 * AGE_LIMIT_S
 
 
 def test_an_address_that_is_taken_is_refused_with_its_name(tracker):

@@ -5,16 +5,18 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from controller.interface import UserError
+from controller.processes import processes
 from transfer.experiments.campaign import checkpoints, run_campaign, transfer_methods, units_of
-from transfer.experiments.findings import as_json, findings
+from transfer.experiments.cluster import cluster
+from transfer.experiments.findings import as_json, findings, holds
 from transfer.experiments.report import markdown, write_report
 from transfer.experiments.store import Store
 from transfer.experiments.thesis import BODIES, GROUPS, pairs, pairs_named
-from transfer.experiments.unit import Settings, opened, work
-from transfer.experiments.workers import cluster, processes
+from transfer.experiments.unit import Settings, Step, opened, work
 
 QUICK = Settings(duration_s=0.5, starts=2, most_trials=6)
 METHODS = ("efficient", "optimistic")
@@ -186,6 +188,19 @@ def test_findings_compare_every_method_with_plain(campaign: Store) -> None:
         100.0 * (methods["efficient"]["true_m_s"]["end"] / methods["plain"]["true_m_s"]["end"] - 1.0)
     )
     assert 0.0 <= methods["efficient"]["p"] <= 1.0
+
+
+def test_honest_intervals_hold_a_speed_measured_with_an_error_as_often_as_they_say() -> None:
+    draws = np.random.default_rng(0)
+    within, as_measured = [], []
+    for true_m_s in np.full(2000, 10.0):
+        mean, measured = true_m_s + draws.normal(0.0, [1.0, 1.0])
+        step = Step((1.0,), 0.0, (1.0,), mean, mean - 1.96, mean + 1.96)
+        as_measured.append(holds(step, measured))
+        within.append(holds(step, measured, 1.0))
+
+    assert np.mean(as_measured) < 0.86
+    assert 0.94 < np.mean(within) < 0.96
 
 
 def test_a_campaign_that_has_just_begun_has_found_nothing(tmp_path: Path) -> None:

@@ -1,4 +1,6 @@
+import errno
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -76,6 +78,14 @@ def test_a_run_learns_from_imported_trials(tmp_path: Path, capsys: pytest.Captur
         (TABLE.replace("60,40", "60"), {}, "line 3: Displacement_mm is nothing"),
         (TABLE.replace("600", "inf"), {}, "'inf'"),
         (TABLE.replace("100", "-100"), {}, "not below 0"),
+        (TABLE.replace("2,120,0", "2,1,20,0"), {}, "line 3 has more cells than there are column names"),
+        (TABLE.replace("600", "1e300"), {}, "line 2: RPM_1 is 1e+300, which makes"),
+        (TABLE.replace("600", "-1e6"), {}, "line 2: RPM_1 is -1e+06, which makes -16666.7 Hz"),
+        (
+            TABLE.replace("0,100", "0,1.7e308"),
+            {"score-unit": "m", "duration": "1e-3"},
+            "line 2: Displacement_mm is 1.7e+308, which makes inf m/s",
+        ),
         (TABLE.splitlines()[0] + "\n", {}, "no trial"),
         ("", {}, "has nothing"),
         (b"\x89PNG\r\n\x1a\n\x00", {}, "no table of text"),
@@ -94,3 +104,42 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     assert status == 1
     assert len(lines) == 1 and complaint in lines[0]
     assert not (tmp_path / "lab").exists()
+
+
+def test_a_full_disk_leaves_nothing_and_the_same_command_works_later(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        assert imported(tmp_path) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"--out {tmp_path / 'lab'} cannot be made: No space left" in line
+    assert [path.name for path in tmp_path.iterdir()] == ["trials.csv"]
+
+    assert imported(tmp_path) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["lab", "trials.csv"]
+
+
+def test_an_out_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("in the way")
+
+    assert imported(tmp_path, out=str(tmp_path / "file" / "lab")) == 1
+
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"--out {tmp_path / 'file' / 'lab'} cannot be made" in line
+
+
+@pytest.mark.parametrize("command", ["view", "learn --resume"])
+def test_imported_trials_are_no_run_to_go_on_with_but_a_source(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    imported(tmp_path)
+    capsys.readouterr()
+
+    assert main([*command.split(), str(tmp_path / "lab")]) == 1
+
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "it has no run.toml" in line and "--source" in line

@@ -9,8 +9,8 @@ from transfer.experiments.statistics import (
     holm,
     mean_interval,
     rank_biserial,
+    signed_rank_p,
     trials_to_level,
-    wilcoxon_p,
 )
 
 
@@ -24,11 +24,22 @@ def test_holm_multiplies_the_least_p_by_their_number_and_keeps_the_order() -> No
     assert holm([]) == []
 
 
-def test_the_p_is_of_the_paired_signed_rank_test() -> None:
-    differences = random().normal(0.5, 1.0, 15)
+def test_against_one_replicate_the_p_is_of_the_paired_signed_rank_test() -> None:
+    plain = random().normal(10.0, 1.0, 15)
+    method = plain + random().normal(0.5, 1.0, 15)
 
-    assert wilcoxon_p(differences) == wilcoxon(differences).pvalue
-    assert wilcoxon_p(np.zeros(5)) == 1.0
+    assert signed_rank_p(method, plain[:, None], random()) == pytest.approx(wilcoxon(method - plain).pvalue, abs=0.02)
+    assert signed_rank_p(plain, plain[:, None], random()) == 1.0
+
+
+def test_a_p_below_a_twentieth_is_as_rare_as_it_says_also_of_skewed_runs() -> None:
+    draws = random()
+    campaigns = [10.0 - draws.exponential(3.0, (20, 4)) for _ in range(100)]
+    effects = [compare(runs[:, 0], runs[:, 1:], draws) for runs in campaigns[:40]]
+
+    low = [signed_rank_p(runs[:, 0], runs[:, 1:], draws) < 0.05 for runs in campaigns]
+    assert 0 < sum(low) <= 11
+    assert abs(np.mean([it.effect for it in effects])) < 0.1
 
 
 def test_the_effect_is_one_where_every_repeat_agrees_and_the_rank_difference_else() -> None:
@@ -55,14 +66,7 @@ def test_plain_against_itself_often_shows_a_small_gain_and_never_a_huge_one() ->
     assert 0.2 < chance_of_as_much(0.5, plain, random()) < 0.8
     assert 0.2 < chance_of_as_much(-0.5, plain, random()) < 0.8
     assert chance_of_as_much(200.0, plain, random()) == 0.0
-
-
-def test_plain_compared_with_itself_is_no_gain() -> None:
-    plain = random().normal(10.0, 3.0, (6, 3))
-
-    same = compare(plain.mean(axis=1), plain, random())
-
-    assert (same.gain_percent, same.p, same.effect, same.chance) == (0.0, 1.0, 0.0, 1.0)
+    assert chance_of_as_much(-90.0, plain, random()) == 0.0
 
 
 def test_trials_to_a_level_are_the_median_runs_and_may_be_never() -> None:
@@ -77,3 +81,12 @@ def test_the_band_of_one_repeat_is_unknown() -> None:
     low, high = mean_interval(np.array([[1.0, 2.0]]))
 
     assert np.isnan(low).all() and np.isnan(high).all()
+
+
+def test_the_band_of_several_repeats_is_students() -> None:
+    low, high = mean_interval(np.array([[1.0], [2.0], [3.0]]))
+
+    assert (low[0], high[0]) == (
+        pytest.approx(2.0 - 4.303 / 3**0.5, abs=1e-3),
+        pytest.approx(2.0 + 4.303 / 3**0.5, abs=1e-3),
+    )

@@ -41,6 +41,16 @@ def test_of_two_sources_the_one_that_is_like_the_target_is_trusted() -> None:
     assert trust[1] > 0.7 > 0.5 > trust[0]
 
 
+def test_every_second_trial_is_what_the_targets_own_trials_call_for() -> None:
+    searches = [Guarded(SPACE, 3, [source(sign)]) for sign in (1.0, -1.0)]
+    gaits, asked = source(1.0).gaits, []
+    for gait in gaits[:8]:
+        for search in searches:
+            search.tell(gait, bump(gait))
+        asked.append(searches[0].ask().gait == searches[1].ask().gait)
+    assert asked[2:] == [True, False] * 3
+
+
 @pytest.mark.parametrize("sources", [1, 2, 3])
 def test_hypotheses_are_distinct_and_their_probabilities_sum_to_one(sources: int) -> None:
     correlations, probable = hypotheses(sources)

@@ -19,7 +19,7 @@ from transfer.methods import METHODS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_FEWEST_REPEATS = 6  # two-sided, Wilcoxon's test of five can say no less than 0.06
+_FEWEST_REPEATS = 6  # with fewer, one lucky run decides
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 1150px; margin: 2rem auto; padding: 0 1rem; }
@@ -44,8 +44,8 @@ times on the twin; the mean is its true speed. The method never sees these start
 trials it is the luckiest trial, and it overstates what the gait can do.</li>
 <li><b>Gain</b>: by how much the mean over the repeats exceeds Plain-BO's, with the 95 %% interval (bootstrap over
 repeats) in brackets. An interval on both sides of 0 means that no difference was shown.</li>
-<li><b>p</b>: of the Wilcoxon test paired by seed; in the first table of each experiment after Holm's correction for the
-number of methods.</li>
+<li><b>p</b>: of Wilcoxon's signed ranks, paired by seed and tested by permuting the runs of each repeat; in the first
+table of each experiment after Holm's correction for the number of methods.</li>
 <li><b>Effect size</b>: rank-biserial correlation; +1 if the method was ahead in every repeat, -1 if behind in every
 one.</li>
 <li><b>Chance</b>: how often one run of Plain-BO per repeat, played against the other runs of Plain-BO, gains as much by
@@ -145,9 +145,7 @@ def _in_words(it: PairFindings) -> str:
     if name is None:
         return f"Plain-BO ends at a true speed of {1000.0 * it.plain.runs.mean_true_m_s[-1]:.1f} mm/s."
     if it.repeats < _FEWEST_REPEATS:
-        return (
-            f"{_repeats(it)}: too few to tell chance from anything else; {_FEWEST_REPEATS} are the least for p < 0.05."
-        )
+        return f"{_repeats(it)}: too few to tell chance from anything else; make it {_FEWEST_REPEATS} or more."
     sentences = []
     for checkpoint, comparison in zip(it.checkpoints[-3:], it.methods[name].against_plain[-3:], strict=True):
         interval = comparison.interval_percent

@@ -16,6 +16,7 @@ import tomli_w
 from controller.interface import UserError
 from transfer.experiments.unit import Result, Settings, Step, Truth, Unit
 
+_OPTIONS = {"duration_s": "--duration", "most_trials": "--trials"}
 _ENCODER = msgspec.json.Encoder()
 _DECODER = msgspec.json.Decoder(Step | Truth)
 
@@ -32,10 +33,13 @@ class Store:
         """Open the campaign in ``folder``. Raises UserError where there is none, or it cannot be read."""
         path = folder / "campaign.toml"
         try:
-            return cls(folder, msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), Settings))
+            content = tomllib.loads(path.read_text(encoding="utf-8"))
+            if missing := set(Settings.__struct_fields__) - set(content):
+                raise ValueError(f"{min(missing)} is missing")
+            return cls(folder, msgspec.convert(content, Settings))
         except FileNotFoundError:
             raise UserError(f"{folder} is no campaign: name the --out of vvvaltr experiment") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
+        except ValueError as error:  # of TOML, UTF-8 and the settings alike
             raise UserError(f"{path}: {error}; restore the file as the campaign wrote it") from None
 
     @classmethod
@@ -52,7 +56,8 @@ class Store:
                 has, asked = getattr(store.settings, key), getattr(settings, key)
                 if has != asked:
                     raise UserError(
-                        f"{key}: the campaign in {folder} has {has}, but {asked} was asked for; choose another --out"
+                        f"{_OPTIONS.get(key, f'--{key}')}: the campaign in {folder} has {has}, but {asked} was asked "
+                        "for; choose another --out"
                     )
             return store
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -76,13 +81,25 @@ class Store:
         path = self._path(unit)
         try:
             lines = _DECODER.decode_lines(path.read_bytes())
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
-            raise UserError(f"{path}: {error}; delete the file, and the campaign will make it again") from None
-        steps = tuple(line for line in lines if isinstance(line, Step))
-        return Result(steps, tuple(line for line in lines if isinstance(line, Truth)))
+            steps = tuple(line for line in lines if isinstance(line, Step))
+            result = Result(steps, tuple(line for line in lines if isinstance(line, Truth)))
+            _check_whole(result, unit)
+        except ValueError as error:  # of JSON and UTF-8 as well
+            raise UserError(f"{path}: {error}; delete the file and run the experiment again") from None
+        return result
 
     def _path(self, unit: Unit) -> Path:
         return self.folder / "runs" / f"{unit.name}.jsonl"
+
+
+def _check_whole(result: Result, unit: Unit) -> None:
+    """Raise ValueError if this is not all that ``unit`` finds, or more."""
+    if len(result.steps) != unit.trials:
+        raise ValueError(f"it holds {len(result.steps)} trials instead of {unit.trials}")
+    if tuple(truth.after for truth in result.truths) != unit.checkpoints or not all(
+        truth.speeds_m_s for truth in result.truths
+    ):
+        raise ValueError(f"it does not hold the true speeds after trials {', '.join(map(str, unit.checkpoints))}")
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
-from statistics import fmean
+from statistics import fmean, stdev
 
 import msgspec
 
@@ -18,9 +19,15 @@ from controller.scoring import score
 from controller.streams import stream
 from controller.trial_runner import TrialCrashed, TrialSettings, run_trial
 from controller.types import Gait, GaitSpace, Source
-from transfer.experiments.thesis import Condition
+from transfer.experiments.thesis import BODIES, Condition
 from transfer.methods import make_optimizer
 from twin.robot import TwinRobot
+
+LOOK_S = 0.1
+"""Time between two looks at a robot whose true speed is measured: a fifth less work than the usual 0.05 s."""
+
+LONGEST_S = 3600.0
+"""The longest trial; what is longer was meant otherwise."""
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -34,6 +41,9 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         duration_s: of a trial.
         starts: fresh starts over which a recommended gait's true speed is the mean.
         most_trials: the experiments' budgets are cut to this; 0 for what they are.
+
+    Raises:
+        ValueError: a value that no campaign can have.
     """
 
     robot: str = "planar"
@@ -42,6 +52,15 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     duration_s: float = 5.0
     starts: int = 20
     most_trials: int = 0
+
+    def __post_init__(self) -> None:
+        if self.robot not in BODIES:
+            raise ValueError(f"robot is {self.robot!r}; allowed: {', '.join(BODIES)}")
+        if not 0.1 <= self.duration_s <= LONGEST_S:
+            raise ValueError(f"duration_s is {self.duration_s:g}; allowed: 0.1 to {LONGEST_S:g}")
+        for key, low in {"seed": 0, "starts": 1, "most_trials": 0}.items():
+            if getattr(self, key) < low:
+                raise ValueError(f"{key} is {getattr(self, key)}; allowed: {low} or more")
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +115,12 @@ class Truth(msgspec.Struct, frozen=True, tag="true", tag_field="kind"):
     def mean_m_s(self) -> float:
         """The true mean speed, as well as so many starts tell it."""
         return fmean(self.speeds_m_s)
+
+    @property
+    def standard_error_m_s(self) -> float:
+        """The standard error of that mean; infinite for a single start."""
+        starts = len(self.speeds_m_s)
+        return stdev(self.speeds_m_s) / math.sqrt(starts) if starts > 1 else math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +186,7 @@ def _truths(settings: Settings, unit: Unit, steps: Sequence[Step]) -> tuple[Trut
 
     @cache  # the recommendation need not have changed since the last checkpoint
     def speeds_m_s(gait_hz: tuple[float, ...]) -> tuple[float, ...]:
-        trial_settings = TrialSettings(settings.duration_s)
+        trial_settings = TrialSettings(settings.duration_s, period_s=LOOK_S)
         starts = (run_trial(robot, Gait(gait_hz), trial_settings, start + 1) for start in range(settings.starts))
         return tuple(score(trial) for trial in starts if trial.outcome.is_valid)
 

@@ -1,4 +1,4 @@
-"""Where units of work are done: over processes of this computer, or on a Dask cluster."""
+"""Work over processes of this computer, which end with the one that began them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-
-from controller.interface import UserError
 
 
 @contextmanager
@@ -38,24 +36,3 @@ def _end_with_parent() -> None:
     assert parent is not None
     parent.join()
     os._exit(1)
-
-
-@contextmanager
-def cluster(address: str) -> Iterator[Executor]:
-    """Yield the workers of the Dask cluster whose scheduler is at ``address``; they need vvvaltr installed.
-
-    Raises:
-        UserError: Dask is not installed, or no scheduler answers.
-    """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise UserError('a cluster needs Dask: pip install "vvvaltr[cluster]"') from None
-    try:
-        client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError) as error:
-        raise UserError(
-            f"--scheduler {address}: no Dask scheduler answers ({error}); start one by: dask scheduler"
-        ) from None
-    with client, client.get_executor(pure=False) as executor:  # type: ignore[no-untyped-call]
-        yield executor
