@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.config import LineTable, RobotFile
 from controller.hardware import JoinedMotors, Part, line_opener, open_motors
-from controller.interface import DeviceError, DeviceFault, MotorDriver, TrackingLost, UserError
+from controller.interface import DeviceError, DeviceFault, TrackingLost, UserError
 from controller.types import Gait, Pose
 from controller.vibration import applied, shaking, strongest, watch
 from drivers.keepalive import WATCHDOG, MotorLine
@@ -23,7 +23,7 @@ _SETTLE_S, _LOOK_S = 0.6, 1.0
 _TOLERANCE = 0.15
 _CLEAR = 1.6
 _GREETING_S = 2.0
-_RUN_DOWN_S, _AT_REST_HZ = 0.6, 1.0
+_TURN_S, _RUN_DOWN_S, _AT_REST_HZ = 0.4, 0.5, 1.0
 _LEAST_RATE_HZ, _MOST_JITTER_M = 20.0, 0.005
 
 
@@ -92,19 +92,9 @@ def _check_watchdog(name: str, line: LineTable) -> Finding:
 
 def _watchdog_finding(name: str, line: MotorLine, gait: Gait) -> Finding:
     line.send(gait)
-    end_s = time.monotonic() + 0.4
-    while (now_s := time.monotonic()) < end_s:
-        line.repeat(gait)
-        line.listen(now_s + line.period_s)
+    stopped_early = _hears_watchdog(line, _TURN_S, gait)  # which happens where this computer is held up
     time.sleep(line.watchdog_s + 0.1)
-    has_stopped = False
-    while (now_s := time.monotonic()) < end_s + line.watchdog_s + _RUN_DOWN_S:
-        try:
-            line.listen(now_s + line.period_s)
-        except DeviceFault as fault:
-            if fault.code != WATCHDOG:
-                raise
-            has_stopped = True
+    has_stopped = _hears_watchdog(line, _RUN_DOWN_S) or stopped_early
     state = line.state()
     turning = [n for n, hz in enumerate(state.frequency_hz, start=1) if state.measured and abs(hz) > _AT_REST_HZ]
     if has_stopped and not turning:
@@ -116,6 +106,22 @@ def _watchdog_finding(name: str, line: MotorLine, gait: Gait) -> Finding:
         f"{line.watchdog_s:g} s after the last command the device has not stopped {motors}",
         "switch on the watchdog in the device's configuration, for 0.25 s",
     )
+
+
+def _hears_watchdog(line: MotorLine, duration_s: float, gait: Gait | None = None) -> bool:
+    """Listen, and repeat ``gait`` meanwhile; return whether the device said that its watchdog stopped the motors."""
+    has_stopped = False
+    end_s = time.monotonic() + duration_s
+    while (now_s := time.monotonic()) < end_s:
+        try:
+            if gait is not None:
+                line.repeat(gait)
+            line.listen(now_s + line.period_s)
+        except DeviceFault as fault:
+            if fault.code != WATCHDOG:
+                raise
+            has_stopped = True
+    return has_stopped
 
 
 def _check_tracker(tracker: StreamTracker) -> Finding:
@@ -161,7 +167,7 @@ def _check_motors(robot: RobotFile, tracker: StreamTracker | None) -> Iterator[F
 class _Turning:
     """Turns one motor both ways."""
 
-    motors: MotorDriver
+    motors: JoinedMotors
     tracker: StreamTracker | None
     motor: int
     frequency_hz: float

@@ -6,17 +6,23 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from controller.interface import MotorDriver, Tracker, TrackingLost
+from controller.interface import DeviceError, DeviceTimeout, Tracker, TrackingLost
 from controller.types import Gait, MotorState, Pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from controller.hardware import JoinedMotors
+
+T = TypeVar("T")
+
 _LOOK_PERIOD_S, _DRIVE_PERIOD_S, _HOLD_S = 0.005, 0.04, 0.25
+_ATTEMPTS, _HELD_UP_S, _PATIENCE_S = 3, 0.1, 10.0
+_GAP = 3.5  # of the usual time between two poses: what is longer spoils the spectrum
 _LEAST_HZ = 1.0  # slower movement is the robot's walk
 _BINS = 8192
 _SHARE_OF_NYQUIST = 0.96
@@ -55,44 +61,87 @@ class Peak:
     shape: NDArray[np.complex128]
 
 
-def watch(motors: MotorDriver, tracker: Tracker, gait: Gait, settle_s: float, duration_s: float) -> list[Pose]:
+def watch(motors: JoinedMotors, tracker: Tracker, gait: Gait, settle_s: float, duration_s: float) -> list[Pose]:
     """Drive ``gait`` and return the poses of ``duration_s``, after ``settle_s``. The motors are stopped after it.
 
+    A look during which this computer was held up, or the poses had a gap, is no measurement: it is made again.
+
     Raises:
-        DeviceError: a device failed.
-        TrackingLost: the tracker lost the robot.
+        DeviceError: a device failed, or the computer is held up again and again.
+        TrackingLost: the tracker lost the robot, or its poses have gaps again and again.
     """
-    poses: list[Pose] = []
+    gap_s = 0.0
+    for _ in range(_ATTEMPTS):
+        seen = _seen(motors, gait, settle_s, duration_s, tracker.pose)
+        poses = [pose for number, pose in enumerate(seen) if number == 0 or pose != seen[number - 1]]
+        apart_s = np.diff([pose.t_s for pose in poses])
+        gap_s = max(apart_s, default=0.0)
+        if len(poses) < 2 or gap_s < _GAP * np.median(apart_s):
+            return poses
+    raise TrackingLost(f"the poses come with gaps of {gap_s:.2f} s, too long to see a vibration in")
 
-    def look() -> None:
-        if (pose := tracker.pose()) not in poses[-1:]:
-            poses.append(pose)
 
-    _drive(motors, gait, settle_s, duration_s, look)
-    return poses
-
-
-def applied(motors: MotorDriver, gait: Gait, settle_s: float, duration_s: float) -> list[MotorState]:
+def applied(motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float) -> list[MotorState]:
     """Drive ``gait`` and return what the motors did for ``duration_s``, after ``settle_s``. Else as ``watch``."""
-    states: list[MotorState] = []
-    _drive(motors, gait, settle_s, duration_s, lambda: states.append(motors.state()))
-    return states
+    return _seen(motors, gait, settle_s, duration_s, motors.state)
 
 
-def _drive(motors: MotorDriver, gait: Gait, settle_s: float, duration_s: float, look: Callable[[], None]) -> None:
+def _seen(motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float, look: Callable[[], T]) -> list[T]:
+    """Return what ``look`` saw in a time in which this computer was not held up."""
+    pace = _Pace()
+    for _ in range(_ATTEMPTS):
+        pace = _Pace()
+        try:
+            seen = _drive(motors, gait, settle_s, duration_s, look, pace)
+        except (DeviceError, TrackingLost):
+            if not pace.was_held_up:
+                raise
+            motors.ready(_PATIENCE_S)
+        else:
+            if not pace.was_held_up:
+                return seen
+    raise DeviceTimeout(f"this computer was held up for {pace.longest_s:.2f} s and more; is it too busy?")
+
+
+@dataclass(slots=True)
+class _Pace:
+    """How far apart, at most, the program's own turns were."""
+
+    last_s: float = math.inf
+    longest_s: float = 0.0
+
+    def turn(self) -> float:
+        """Take note of a turn and return its time."""
+        now_s = time.monotonic()
+        self.longest_s = max(self.longest_s, now_s - self.last_s)
+        self.last_s = now_s
+        return now_s
+
+    @property
+    def was_held_up(self) -> bool:
+        """Whether set-points may have run out meanwhile."""
+        return self.longest_s > _HELD_UP_S
+
+
+def _drive(
+    motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float, look: Callable[[], T], pace: _Pace
+) -> list[T]:
     """Drive ``gait``, and look often once it has settled."""
-    begin_s = next_drive_s = time.monotonic()
+    seen = []
+    begin_s = next_drive_s = pace.turn()
     try:
-        while (now_s := time.monotonic()) < begin_s + settle_s + duration_s:
+        while (now_s := pace.turn()) < begin_s + settle_s + duration_s:
             if now_s >= next_drive_s:
                 motors.drive(gait, _HOLD_S)
                 motors.state()
                 next_drive_s += _DRIVE_PERIOD_S
             if now_s >= begin_s + settle_s:
-                look()
+                seen.append(look())
             time.sleep(_LOOK_PERIOD_S)
     finally:
+        pace.turn()
         motors.stop()
+    return seen
 
 
 def shaking(poses: list[Pose]) -> Shaking:
