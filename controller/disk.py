@@ -1,8 +1,12 @@
-"""Files that outlast a power cut."""
+"""Files and folders that are there whole or not at all, and outlast a power cut."""
 
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -14,6 +18,21 @@ def write_whole(path: Path, content: str) -> None:
         file.flush()
         os.fsync(file.fileno())
     os.replace(fresh, path)
+    sync_folder(path)
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """Yield a folder that is called ``path`` once the block is left; what fails leaves nothing. Raises OSError."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
+    try:
+        fresh.chmod(0o755)
+        yield fresh
+        fresh.rename(path)
+    except BaseException:
+        shutil.rmtree(fresh)
+        raise
     sync_folder(path)
 
 

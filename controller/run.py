@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
@@ -15,7 +12,7 @@ from typing import Any
 import msgspec
 
 from controller.assembly import Rig, choose_robot, one_line_errors, open_rig
-from controller.disk import sync_folder, write_whole
+from controller.disk import new_folder, write_whole
 from controller.interface import Optimizer, UserError
 from controller.learn import Budget, learn, source_from, summary
 from controller.recording import LOG_NAME, LoggedTrial, Run, RunLog, read_run
@@ -47,8 +44,7 @@ class RunDirectory:
         """
         if not path.name:
             raise UserError("--out names no new directory: give it a name, as in runs/mine, or leave it out")
-        if path.exists():
-            raise _taken(path)
+        _refuse_existing(path)
         score_name = asked.get("score", "net")
         sources = tuple(load_source(Path(name), score_name) for name in asked.get("sources", ()))
         choice = choose_robot(asked.get("robot", {}))
@@ -151,29 +147,21 @@ def _errors_of(path: Path) -> Iterator[None]:
         raise UserError(f"{path}: {error}") from None
 
 
-def _taken(path: Path) -> UserError:
-    return UserError(f"{path} exists: choose another --out, or go on with it by --resume {path}")
+def _refuse_existing(path: Path) -> None:
+    if path.exists():
+        raise UserError(f"{path} exists: choose another --out, or go on with it by --resume {path}")
 
 
 def _begin(path: Path, config: RunConfig, head: Run) -> RunLog:
     """Make the directory, with configuration and log, in one step: a killed program leaves no half of a run."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
-    except OSError as error:
-        raise UserError(f"{path} cannot be made: {error.strerror}; choose another --out") from error
     with ExitStack() as undo:
-        undo.callback(shutil.rmtree, fresh, ignore_errors=True)  # gone already, if it got its name
-        fresh.chmod(0o755)
-        save_config(config, fresh / "run.toml")
-        log = undo.enter_context(RunLog.create(fresh / LOG_NAME, head.structure, head.sources))
         try:
-            fresh.rename(path)
+            with new_folder(path) as fresh:
+                save_config(config, fresh / "run.toml")
+                log = undo.enter_context(RunLog.create(fresh / LOG_NAME, head.structure, head.sources))
         except OSError as error:
-            if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):  # made meanwhile, by another process
-                raise _taken(path) from None
-            raise
-        sync_folder(path)
+            _refuse_existing(path)  # made meanwhile, by another process
+            raise UserError(f"{path} cannot be made: {error.strerror}; choose another --out, or make room") from error
         undo.pop_all()
     return log
 

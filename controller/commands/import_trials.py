@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import shutil
-import tempfile
 import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator, Mapping, Sequence
@@ -68,23 +66,15 @@ def _execute(arguments: Namespace) -> Answer:
 
 
 def _write_run(path: Path, trials: Sequence[LoggedTrial], found: str) -> None:
-    """Make the run's directory in one step: what fails leaves nothing in its place. Raises OSError."""
-    from controller.disk import sync_folder, write_whole
+    """Make the run's directory. Raises OSError, and then nothing is in its place."""
+    from controller.disk import new_folder, write_whole
     from controller.recording import LOG_NAME, RunLog
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
-    try:
-        fresh.chmod(0o755)
+    with new_folder(path) as fresh:
         with RunLog.create(fresh / LOG_NAME, structure=None) as log:
             for logged in trials:
                 log.append(logged)
         write_whole(fresh / "summary.json", found)
-        fresh.rename(path)
-        sync_folder(path)
-    except BaseException:
-        shutil.rmtree(fresh)
-        raise
 
 
 def _trials(arguments: Namespace) -> Iterator[LoggedTrial]:
