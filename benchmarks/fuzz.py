@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from controller.interface import DeviceError
 from controller.types import Gait, Pose
-from drivers import node_protocol, odrive, qik
+from drivers import node_protocol, odrive, qik, qik_protocol
 from drivers.calibration import Curve
 from drivers.can_link import CanLink, Frame
 from drivers.link import Link
@@ -166,18 +166,18 @@ def qik_device(has_crc: bool) -> Decoder:
         device.reboot(0.0)
         for board in device.boards.values():
             board.parameters[:] = [1, 0, 1, 0]
-        ask = qik.packet(1, qik.Command.FIRMWARE, has_crc=has_crc)
+        ask = qik_protocol.packet(1, qik_protocol.Command.FIRMWARE, has_crc=has_crc)
         return device.on_bytes(b"\xaa" + ask, 0.0)[-1:] == b"2"
 
     commands = (
-        (qik.Command.FIRMWARE,),
-        (qik.Command.ERRORS,),
-        (qik.Command.GET, 3),
-        (qik.Command.SET, 3, 1, *qik.SET_KEY),
-        (qik.Command.SPEED, 100),
-        (qik.Command.SPEED + 7, 127),
+        (qik_protocol.Command.FIRMWARE,),
+        (qik_protocol.Command.ERRORS,),
+        (qik_protocol.Command.GET, 3),
+        (qik_protocol.Command.SET, 3, 1, *qik_protocol.SET_KEY),
+        (qik_protocol.Command.SPEED, 100),
+        (qik_protocol.Command.SPEED + 7, 127),
     )
-    samples = tuple(qik.packet(board, *command, has_crc=has_crc) for command in commands for board in (0, 1))
+    samples = tuple(qik_protocol.packet(board, *command, has_crc=has_crc) for command in commands for board in (0, 1))
     compact = tuple(bytes(command) for command in commands)
     return Decoder(f"qik device{' with CRC' if has_crc else ''}", feed, samples + compact, works)
 

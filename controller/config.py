@@ -15,7 +15,8 @@ from controller.safety import Arena, Limits
 from controller.trial_runner import TrialSettings
 from drivers.calibration import Curve
 from drivers.odrive import Firmware
-from drivers.qik import GREATEST_BAUD, QikSettings, check_baud, check_commands
+from drivers.qik import QikSettings
+from drivers.qik_protocol import GREATEST_BAUD, check_baud, check_commands
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]

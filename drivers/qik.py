@@ -12,104 +12,29 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
 from controller.interface import DeviceFault, DeviceTimeout
 from controller.types import Gait, MotorState, Quantity
 from drivers.calibration import Curve
-from drivers.keepalive import WATCHDOG
 from drivers.link import Link, discard, read_exactly
+from drivers.qik_protocol import (
+    ASK_PERIOD_S,
+    ERRORS,
+    SET_KEY,
+    START,
+    TELL_PERIOD_S,
+    Command,
+    Parameter,
+    check_baud,
+    check_commands,
+    check_timeout,
+    packet,
+    timeout_s,
+)
 
-START = 0xAA  # begins a packet of the Pololu protocol; the board also finds the baud rate from it
 _ANSWER_S = 0.2  # line time and a USB adapter's latency come to 20 ms; the rest is for a busy computer
-_ASK_PERIOD_S = 0.02
-_TELL_PERIOD_S = 0.02  # between two set-points of one motor
-_ROOM = 1.2  # for what is not evenly spread over time
 _QUIET_S = 0.05  # after which nothing more is on its way
 _ATTEMPTS = 3
-
-
-class Command(IntEnum):
-    """Commands as in the compact protocol; without the top bit in the Pololu protocol."""
-
-    FIRMWARE = 0x81
-    ERRORS = 0x82
-    GET = 0x83
-    SET = 0x84
-    COAST = 0x86
-    SPEED = 0x88  # + 4 for motor 1, + 2 for reverse, + 1 for 128 more
-
-
-class Parameter(IntEnum):
-    """Configuration parameters, kept in the board's permanent memory."""
-
-    DEVICE_ID = 0
-    PWM = 1
-    SHUT_DOWN = 2
-    TIMEOUT = 3
-
-
-SET_KEY = (0x55, 0x2A)  # must follow a new value
-ERRORS = {0x08: "data overrun", 0x10: "frame error", 0x20: "CRC error", 0x40: "format error", 0x80: WATCHDOG}
-TIMEOUT_UNIT_S = 0.262
-LONGEST_TIMEOUT_S = 1.0
-GREATEST_BAUD = 38400
-
-
-def crc7(data: bytes) -> int:
-    """Return the CRC-7 of a packet: polynomial 0x91, least significant bit first."""
-    crc = 0
-    for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = (crc ^ 0x91 if crc & 1 else crc) >> 1
-    return crc
-
-
-def packet(board: int, command: int, *data: int, has_crc: bool = False) -> bytes:
-    """Return a packet of the Pololu protocol."""
-    body = bytes((START, board, command & 0x7F, *data))
-    return body + bytes((crc7(body),)) if has_crc else body
-
-
-def timeout_s(value: int) -> float:
-    """Return what a value of the serial timeout parameter means: 0.262 s * (low four bits) * 2^(upper three bits)."""
-    return TIMEOUT_UNIT_S * (value & 0x0F) * float(1 << (value >> 4))
-
-
-def check_timeout(value: int) -> None:
-    """Raise ValueError for a serial timeout that is off, or above 1 s; its text begins with the key."""
-    # 0 s is no watchdog at all.
-    allowed = [known for known in range(128) if 0.0 < timeout_s(known) <= LONGEST_TIMEOUT_S]
-    if value not in allowed:
-        times = ", ".join(f"{known} ({timeout_s(known):g} s)" for known in allowed)
-        raise ValueError(f"timeout is {value}, which means {timeout_s(value):g} s; allowed: {times}")
-
-
-def least_baud(motor_count: int, has_crc: bool) -> int:
-    """Return the bits per second that a line needs: all set-points, a question and its answer, each every 0.02 s.
-
-    A byte is ten bits on the line. On a slower line a stop would wait for the set-points that were sent before it.
-    """
-    set_point = len(packet(0, Command.SPEED, 0, has_crc=has_crc))
-    question_and_answer = len(packet(0, Command.ERRORS, has_crc=has_crc)) + 1
-    return round(10.0 * _ROOM * (motor_count * set_point / _TELL_PERIOD_S + question_and_answer / _ASK_PERIOD_S))
-
-
-def check_baud(baud: int, motor_count: int, has_crc: bool) -> None:
-    """Raise ValueError for a line that is too slow for so many motors; its text begins with the key."""
-    if baud < (least := least_baud(motor_count, has_crc)):
-        raise ValueError(
-            f"baud is {baud}; allowed: {least} or more, which {motor_count} motors on one line need "
-            f"(the boards know up to {GREATEST_BAUD})"
-        )
-
-
-def check_commands(points: Sequence[tuple[float, float]], eight_bit: bool) -> None:
-    """Raise ValueError for the points of a curve if they have commands that the boards have not."""
-    allowed = "up to 255" if eight_bit else "up to 127, or up to 255 with eight_bit = true"
-    if (last := max((command for command, _ in points), default=0.0)) > (255 if eight_bit else 127):
-        raise ValueError(f"its commands reach {last:g}; allowed: {allowed}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +139,7 @@ class QikLine:
     @property
     def period_s(self) -> float:
         """Set-points go out one motor at a time, so that a new one never waits long for the line."""
-        return _TELL_PERIOD_S / len(self._motors)
+        return TELL_PERIOD_S / len(self._motors)
 
     @property
     def watchdog_s(self) -> float:
@@ -351,7 +276,7 @@ class QikLine:
     def _ask(self, now_s: float) -> None:
         board = next(self._asking)
         self._asked = (board, now_s, tuple(self._sent))
-        self._next_ask_s = now_s + _ASK_PERIOD_S
+        self._next_ask_s = now_s + ASK_PERIOD_S
         self._link.write(packet(board, Command.ERRORS, has_crc=self._settings.has_crc))
 
     def _take(self, answer: int) -> None:

@@ -12,7 +12,7 @@ from operator import and_
 
 from drivers.calibration import Curve
 from drivers.mock.faults import Fault, Kind
-from drivers.qik import ERRORS, SET_KEY, START, Command, Parameter, crc7, timeout_s
+from drivers.qik_protocol import ERRORS, SET_KEY, START, Command, Parameter, crc7, timeout_s
 
 # A motor with friction: at rest it needs more than at the slowest turning.
 CURVE = Curve(((14.0, 1.8), (40.0, 6.0), (80.0, 11.5), (127.0, 16.5)))

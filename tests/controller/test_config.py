@@ -12,7 +12,7 @@ from controller.document import load_document, to_toml
 from controller.interface import UserError
 from controller.safety import Arena
 from drivers.mock.faults import FaultScript, Kind
-from drivers.qik import timeout_s
+from drivers.qik_protocol import timeout_s
 
 GOOD = """\
 # our robot

@@ -18,7 +18,8 @@ from drivers.keepalive import WATCHDOG, HeldMotors
 from drivers.mock.faults import Fault, Kind
 from drivers.mock.process import MockProcess
 from drivers.mock.qik import CURVE, QikDevice
-from drivers.qik import Command, Parameter, QikLine, QikMotor, QikSettings, least_baud, open_line, packet
+from drivers.qik import QikLine, QikMotor, QikSettings, open_line
+from drivers.qik_protocol import Command, Parameter, least_baud, packet
 from drivers.serial_link import SerialLink
 
 MOTORS = [QikMotor(0, 0, CURVE), QikMotor(0, 1, CURVE), QikMotor(1, 0, CURVE)]

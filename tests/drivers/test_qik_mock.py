@@ -6,7 +6,7 @@ import pytest
 
 from drivers.mock.faults import Fault, Kind
 from drivers.mock.qik import CURVE, QikDevice
-from drivers.qik import crc7, timeout_s
+from drivers.qik_protocol import crc7, timeout_s
 
 FULL_HZ = CURVE.highest_hz
 
