@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,6 +15,7 @@ from transfer.belief import Belief, Trials
 from transfer.earlier_run import EarlierRun, best_of_all, learned_from
 from transfer.gp import GaussianProcess, Observations, Prior, fit
 from transfer.icm import coupled
+from transfer.optimistic import OPTIMISM, raised
 from transfer.plain_bo import learned_alone
 from transfer.proposal import Proposal, expected_improvement
 from transfer.scale import Scale
@@ -27,6 +29,9 @@ DOUBT = 0.3
 
 CORRELATIONS = {0.6: 0.5, 0.9: 0.4, -0.6: 0.1}
 """How a source that does may be correlated with the target, and how probable that is before the first trial."""
+
+FADING = 8.0
+"""Trials in which the optimism of every second one falls to 1/e; it begins with that of ``optimistic``."""
 
 NEGLIGIBLE = 0.02
 """Hypotheses less probable than this are left out of the predictions."""
@@ -44,8 +49,8 @@ class Guarded(Search):
     - The target's hyperparameters are expected to be about those of the sources, which have more trials.
     - The target's scale takes the sources' scores into account, times the factor by which the target is faster: the
       first trials are meant to be good ones all, and tell little of how scores spread.
-    - Every second trial is chosen as Plain-BO would, from the target's trials alone: where all sources are wrong, only
-      trials elsewhere than they say can tell.
+    - Every second trial is chosen from the target's trials alone, at first with optimism and later as Plain-BO would:
+      where all sources are wrong, only trials elsewhere than they say can tell.
 
     Args:
         space: the gaits to search.
@@ -67,7 +72,8 @@ class Guarded(Search):
             if belief is None or len(trials) < len(warm):
                 return Proposal(warm[len(trials)], "best of source")
             if len(trials) % 2:
-                belief = learned_alone(space, trials, None, rng)
+                optimism = OPTIMISM * math.exp(-len(trials) / FADING)
+                belief = raised(learned_alone(space, trials, None, rng), optimism)
             return expected_improvement(belief, rng)
 
         super().__init__(space, seed, learn, propose)
