@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -230,6 +231,14 @@ def test_the_tables_can_be_had_in_markdown(campaign: Store) -> None:
     assert "### Experiment 1b" in text
     assert "| efficient |" in text
     assert len({line.count("|") for line in text.splitlines() if line.startswith("| plain")}) <= 2
+
+
+def test_what_no_method_was_run_for_has_no_table(campaign: Store) -> None:
+    found = findings(campaign)
+    control = replace(found[0], methods={"plain": found[0].plain})
+
+    assert "thesis" in markdown(found).split("###")[0]
+    assert markdown([control]).startswith("### Experiment 1:")
 
 
 def test_every_registered_method_is_compared() -> None:

@@ -83,7 +83,7 @@ def found_in(store: Store) -> tuple[PairFindings, ...]:
 
 def markdown(found: Sequence[PairFindings]) -> str:
     """Return all tables in Markdown, for a document."""
-    parts = [tables.markdown(tables.beside_thesis(found))]
+    parts = [*map(tables.markdown, tables.beside_thesis(found))]
     for it in found:
         parts.append(f"### {_title(it)}\n\n{_repeats(it)} of {it.checkpoints[-1]} trials. {it.pair.why}")
         parts += [tables.markdown(tables.true_speeds(it)), tables.markdown(tables.verdicts(it))]
@@ -99,7 +99,7 @@ def _head(settings: Settings, found: Sequence[PairFindings], folder: Path) -> li
         _READING % {"starts": settings.starts},
         _figure(figures.overview(found), folder / "overview.png", "All experiments at a glance. Right of the grey line "
                 "is faster than Plain-BO; the dotted line is 5 % slower."),
-        _table(tables.beside_thesis(found)),
+        *map(_table, tables.beside_thesis(found)),
         "<h3>The methods</h3><ul>",
         *(f"<li><b>{escape(name)}</b>: {escape(METHODS[name].description)}</li>" for name in methods),
         "</ul>",

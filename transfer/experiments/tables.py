@@ -59,8 +59,8 @@ def verdicts(found: PairFindings) -> Table:
     return Table("At the end of the budget", columns, tuple(rows))
 
 
-def beside_thesis(found: Sequence[PairFindings]) -> Table:
-    """Return the thesis' own figures for Efficient-BO beside ours."""
+def beside_thesis(found: Sequence[PairFindings]) -> tuple[Table, ...]:
+    """Return the thesis' own figures for Efficient-BO beside ours: one table, or none where it was not run."""
     rows = []
     for it in found:
         if it.pair.published is None or "efficient" not in it.methods:
@@ -82,7 +82,8 @@ def beside_thesis(found: Sequence[PairFindings]) -> Table:
         "trials to Plain-BO's final level: here",
         "true speed at the end: here",
     )
-    return Table("Efficient-BO against Plain-BO; p of Efficient-BO alone, not corrected", columns, tuple(rows))
+    caption = "Efficient-BO against Plain-BO; p of Efficient-BO alone, not corrected"
+    return (Table(caption, columns, tuple(rows)),) if rows else ()
 
 
 def markdown(table: Table) -> str:
