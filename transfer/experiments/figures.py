@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GREY, BLUE, RED = "#6b6b6b", "#0b6fb8", "#c1440e"
-_SHOWN_PERCENT = (-75.0, 150.0)  # of a gain; what is beyond lies at the edge
 
 
 def colour(method: str) -> str:
@@ -41,7 +40,7 @@ def overview(found: Sequence[PairFindings]) -> Figure:
                 _gain_bar(axes, pair.methods[name], at, row + 0.26 * (place - 1), 0.4 + 0.3 * place, colour(name))
         axes.axvline(0.0, color=GREY, linewidth=1.0)
         axes.axvline(-5.0, color=GREY, linewidth=0.8, linestyle=":")
-        axes.set(xlim=_SHOWN_PERCENT, ylim=(len(names) - 0.4, -0.6), yticks=range(len(names)))
+        axes.set(ylim=(len(names) - 0.4, -0.6), yticks=range(len(names)))
         axes.set_yticklabels(names)
         axes.set_title(fill(f"{pair.pair.key}: {pair.pair.title}", 32), fontsize=9)
         axes.set_xlabel("faster than Plain-BO (%)", fontsize=9)
@@ -54,9 +53,9 @@ def overview(found: Sequence[PairFindings]) -> Figure:
 
 def _gain_bar(axes: Axes, method: MethodFindings, at: int, y: float, alpha: float, shade: str) -> None:
     it = method.against_plain[at]
-    low, middle, high = np.clip((it.interval_percent.low, it.gain_percent, it.interval_percent.high), *_SHOWN_PERCENT)
-    axes.plot([low, high], [y, y], color=shade, alpha=alpha, linewidth=2.2, solid_capstyle="butt")
-    axes.plot([middle], [y], "o", color=shade, alpha=alpha, markersize=4.0, clip_on=False)
+    interval = it.interval_percent
+    axes.plot([interval.low, interval.high], [y, y], color=shade, alpha=alpha, linewidth=2.2, solid_capstyle="butt")
+    axes.plot([it.gain_percent], [y], "o", color=shade, alpha=alpha, markersize=4.0)
 
 
 def true_speed(found: PairFindings) -> Figure:
