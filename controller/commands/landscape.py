@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
 from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
@@ -43,12 +44,7 @@ def _execute(arguments: Namespace) -> Answer:
     )
     condition = survey.choice
     title = f"{condition.name} {condition.body} on {condition.world}, {survey.score_name} speed"
-    try:
-        draw(panels, title, arguments.out)
-    except OSError as error:
-        with suppress(OSError):
-            arguments.out.unlink()  # half a picture would refuse the next one of its name
-        raise _unwritable(arguments.out, error) from error
+    _save(partial(draw, panels, title), arguments.out)
     result: dict[str, Any] = {
         "out": str(arguments.out),
         "panels": [
@@ -61,6 +57,21 @@ def _execute(arguments: Namespace) -> Answer:
         ],
     }
     return Answer(f"{gaits} gaits, {survey.repeats} trials each: {arguments.out}", result)
+
+
+def _save(write: Callable[[Path], None], out: Path) -> None:
+    """Write the picture, elsewhere if need be: the measurements took long. Raises UserError if it is not in ``out``."""
+    try:
+        write(out)
+    except OSError as error:
+        with suppress(OSError):
+            out.unlink()  # half a picture would refuse the next one of its name
+        try:
+            spare = Path(tempfile.mkdtemp(prefix="vvvaltr-")) / out.name
+            write(spare)
+        except OSError:
+            raise _unwritable(out, error) from error
+        raise UserError(f"--out {out} cannot be written: {_reason(error)}; the picture is kept as {spare}") from error
 
 
 def _refuse_bad_out(out: Path) -> None:
@@ -81,8 +92,13 @@ def _refuse_bad_out(out: Path) -> None:
 
 
 def _unwritable(out: Path, error: OSError) -> UserError:
-    reason = error.strerror or str(error)
-    return UserError(f"--out {out} cannot be written: {reason}; free some space, or choose another place, and repeat")
+    return UserError(
+        f"--out {out} cannot be written: {_reason(error)}; free some space, or choose another place, and repeat"
+    )
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or str(error)
 
 
 def _survey(arguments: Namespace) -> Any:

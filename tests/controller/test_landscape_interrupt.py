@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -99,3 +100,24 @@ def test_a_full_disk_at_the_end_names_the_picture_and_the_cure(
     assert main([*PLANAR, "--grid", "2", "--duration", "0.2", "--jobs", "1", "--out", str(out)]) == 1
     assert f"--out {out} cannot be written: No space left on device; free some space" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_disk_that_is_full_at_the_end_does_not_lose_the_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, draw = tmp_path / "l.png", landscape.draw
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    def full(panels: tuple[landscape.Panel, ...], title: str, path: Path) -> None:
+        if path == out:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        draw(panels, title, path)
+
+    monkeypatch.setattr(landscape, "draw", full)
+
+    assert main([*PLANAR, "--grid", "2", "--duration", "0.2", "--jobs", "1", "--out", str(out)]) == 1
+    (kept,) = tmp_path.glob("vvvaltr-*/l.png")
+    assert f"--out {out} cannot be written: No space left on device; the picture is kept as {kept}" in (
+        capsys.readouterr().err
+    )
+    assert kept.read_bytes().startswith(b"\x89PNG")
