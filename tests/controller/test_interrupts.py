@@ -3,6 +3,8 @@
 import errno
 import json
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -41,3 +43,42 @@ def test_a_full_disk_is_told_with_its_cure(monkeypatch: pytest.MonkeyPatch, caps
 
     assert main(["learn"]) == 1
     assert "No space left on device; free some space" in capsys.readouterr().err
+
+
+def test_an_interrupt_that_comes_in_a_finalizer_is_not_lost() -> None:
+    # Python drops what a finalizer raises; so does cffi, whose finalizers free a twin's physics at every trial.
+    script = """
+import signal, time
+from controller.signals import interrupt_on_signals
+
+class Dying:
+    def __del__(self):
+        signal.raise_signal(signal.SIGTERM)
+        time.sleep(0.1)
+
+interrupt_on_signals()
+try:
+    Dying()
+    time.sleep(20)
+except KeyboardInterrupt as interrupt:
+    print(interrupt)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=10, check=True)
+
+    assert (done.stdout, done.stderr) == ("SIGTERM\n", "")
+
+
+def test_other_errors_of_finalizers_are_still_shown() -> None:
+    script = """
+from controller.signals import interrupt_on_signals
+
+class Dying:
+    def __del__(self):
+        raise ValueError("spilled")
+
+interrupt_on_signals()
+Dying()
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=10, check=True)
+
+    assert "ValueError: spilled" in done.stderr
