@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("experiment", help="1, 2, 3, controls or all; or one of 1b, 2-friction, unrelated, inverted")
+    parser.add_argument("experiment", help="1, 2, 3, thesis (these three), controls or all; "
+                        "or one of 1b, 2-friction, unrelated, inverted")  # fmt: skip
     parser.add_argument("--out", type=Path, metavar="DIR",
                         help="results; an interrupted campaign goes on there (default below runs/)")  # fmt: skip
     group = parser.add_argument_group("what is done")

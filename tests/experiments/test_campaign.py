@@ -17,7 +17,7 @@ from transfer.experiments.findings import as_json, findings, holds
 from transfer.experiments.report import markdown, write_report
 from transfer.experiments.store import Store
 from transfer.experiments.thesis import BODIES, GROUPS, pairs, pairs_named
-from transfer.experiments.unit import Settings, Step, opened, work
+from transfer.experiments.unit import Result, Settings, Step, Truth, opened, work
 
 QUICK = Settings(duration_s=0.5, starts=2, most_trials=6)
 METHODS = ("efficient", "optimistic")
@@ -81,6 +81,21 @@ def test_experiments_with_one_target_share_its_runs_without_a_source(campaign: S
     assert sum("efficient-from" in name for name in names) == 2 * 2
     assert sum("optimistic/" in name for name in names) == 2
     assert sum("source" in name for name in names) == 2 * 2
+
+
+def test_an_experiment_reads_the_longer_runs_of_another_up_to_its_own_end() -> None:
+    of = {
+        key: units_of(pairs_named("planar", key)[0], Settings(), 1, METHODS) for key in ("1b", "2", "2-friction", "3")
+    }
+
+    assert of["1b"].plain == of["2-friction"].plain
+    assert of["1b"].plain[0].checkpoints == (5, 10, 20, 40, 50)
+    assert of["2"].source == of["3"].source
+    assert [of[key].methods["efficient"].trials for key in of] == [40, 50, 50, 40]
+    steps = tuple(Step((float(number),), 0.0, (1.0,), 0.0, 0.0, 0.0) for number in range(50))
+    run = Result(steps, tuple(Truth(after, (0.1,)) for after in (5, 40, 50)))
+    assert run.until((5, 40)) == Result(steps[:40], run.truths[:2])
+    assert run.until((5, 50)) == Result(steps, (run.truths[0], run.truths[2]))
 
 
 def test_a_source_run_differs_from_the_runs_on_the_target_and_repeats_from_each_other(campaign: Store) -> None:

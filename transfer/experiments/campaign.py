@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from controller.interface import UserError
 from controller.types import Source
 from transfer.experiments.store import Store
-from transfer.experiments.thesis import Pair
+from transfer.experiments.thesis import Pair, pairs
 from transfer.experiments.unit import Result, Settings, Unit, work
 from transfer.methods import METHODS
 
@@ -50,18 +50,29 @@ def checkpoints(trials: int) -> tuple[int, ...]:
     return (*(after for after in CHECKPOINTS if after < trials), trials)
 
 
+def checkpoints_of(pair: Pair, settings: Settings) -> tuple[int, ...]:
+    """Return the checkpoints of an experiment."""
+    return checkpoints(min(pair.trials, settings.most_trials or pair.trials))
+
+
 def units_of(pair: Pair, settings: Settings, repeat: int, methods: Sequence[str]) -> PairUnits:
     """Return the units of repeat ``repeat``, counted from 1.
 
-    Those that do not depend on the source are the same ones, by name, in every experiment with the same target.
+    Those that do not depend on the source are the same ones, by name, in every experiment with the same target; so are
+    those of the source. They are as long as the longest of these experiments; see ``Result.until``.
     """
-    trials = min(pair.trials, settings.most_trials or pair.trials)
-    source = Unit(pair.source, "plain", trials, repeat, role="source")
-    alone = Unit(pair.target, "plain", trials, repeat, role="target1", checkpoints=checkpoints(trials))
+    every = pairs(settings.robot)
+    afters = checkpoints_of(pair, settings)
+    source_trials = max(checkpoints_of(it, settings)[-1] for it in every if it.source == pair.source)
+    alone_afters = sorted({after for it in every if it.target == pair.target for after in checkpoints_of(it, settings)})
+    source = Unit(pair.source, "plain", source_trials, repeat, role="source")
+    alone = Unit(pair.target, "plain", alone_afters[-1], repeat, role="target1", checkpoints=tuple(alone_afters))
 
     def by(method: str) -> Unit:
         unit = replace(alone, method=method)
-        return replace(unit, source=source, inverted=pair.inverted) if METHODS[method].uses_sources else unit
+        if not METHODS[method].uses_sources:
+            return unit
+        return replace(unit, trials=afters[-1], checkpoints=afters, source=source, inverted=pair.inverted)
 
     return PairUnits(
         pair,
@@ -72,7 +83,7 @@ def units_of(pair: Pair, settings: Settings, repeat: int, methods: Sequence[str]
 
 
 def run_campaign(
-    store: Store, pairs: Sequence[Pair], repeats: int, methods: Sequence[str], executor: Executor, progress: Progress
+    store: Store, chosen: Sequence[Pair], repeats: int, methods: Sequence[str], executor: Executor, progress: Progress
 ) -> None:
     """Do all units that are not done yet, and keep each as it is finished.
 
@@ -80,7 +91,7 @@ def run_campaign(
         UserError: a worker died.
         RuntimeError: a unit failed.
     """
-    all_units = [units_of(pair, store.settings, repeat, methods) for repeat in range(1, repeats + 1) for pair in pairs]
+    all_units = [units_of(pair, store.settings, repeat, methods) for repeat in range(1, repeats + 1) for pair in chosen]
     sources = _missing(store, (units.source for units in all_units))
     _do(store, sources, executor, progress)
     targets = _missing(store, (unit for units in all_units for unit in (*units.plain, *units.methods.values())))
@@ -103,4 +114,5 @@ def _do(store: Store, units: Sequence[Unit], executor: Executor, progress: Progr
 def _source(store: Store, unit: Unit) -> Source | None:
     if unit.source is None:
         return None
-    return store.load(unit.source).source(unit.source.condition.name, unit.inverted)
+    run = store.load(unit.source).until((unit.trials,))
+    return run.source(unit.source.condition.name, unit.inverted)

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.streams import stream
-from transfer.experiments.campaign import PairUnits, transfer_methods, units_of
+from transfer.experiments.campaign import PairUnits, checkpoints_of, transfer_methods, units_of
 from transfer.experiments.statistics import Comparison, Interval, compare, holm, trials_to_level
 from transfer.experiments.store import Store
 from transfer.experiments.thesis import Pair, pairs
-from transfer.experiments.unit import Result, Step
+from transfer.experiments.unit import Result, Step, Unit
 
 Array = NDArray[np.float64]
 
@@ -147,16 +147,21 @@ def _pair_findings(store: Store, pair: Pair) -> PairFindings | None:
     complete = _complete_repeats(store, pair, methods)
     if not complete:
         return None
-    plain = [[store.load(unit) for unit in units.plain] for units in complete]
+    afters = checkpoints_of(pair, store.settings)
+
+    def result(unit: Unit) -> Result:
+        return store.load(unit).until(afters)
+
+    plain = [[result(unit) for unit in units.plain] for units in complete]
     runs = {"plain": Runs.of(plain)} | {
-        name: Runs.of([[store.load(units.methods[name])] for units in complete]) for name in methods
+        name: Runs.of([[result(units.methods[name])] for units in complete]) for name in methods
     }
     return PairFindings(
         pair,
         len(complete),
-        complete[0].plain[0].checkpoints,
+        afters,
         _compared(runs, stream(store.settings.seed, 0, f"statistics of {pair.key}")),
-        tuple(store.load(units.source) for units in complete),
+        tuple(result(units.source) for units in complete),
         tuple(replicates[0] for replicates in plain),
     )
 

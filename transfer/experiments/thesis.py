@@ -77,6 +77,7 @@ GROUPS = {
     "1": ("1", "1b"),
     "2": ("2", "2-friction"),
     "3": ("3",),
+    "thesis": ("1", "1b", "2", "2-friction", "3"),
     "controls": ("unrelated", "inverted"),
     "all": ("1", "1b", "2", "2-friction", "3", "unrelated", "inverted"),
 }

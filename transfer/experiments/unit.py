@@ -130,6 +130,10 @@ class Result:
     steps: tuple[Step, ...]
     truths: tuple[Truth, ...]
 
+    def until(self, checkpoints: Sequence[int]) -> Result:
+        """Return what the run had found by the last of the checkpoints, with the true speeds at them alone."""
+        return Result(self.steps[: checkpoints[-1]], tuple(it for it in self.truths if it.after in checkpoints))
+
     def source(self, name: str, inverted: bool) -> Source:
         """Return the run as a source; ``inverted`` mirrors its scores between the lowest and the highest."""
         scores = [step.score_m_s for step in self.steps]
