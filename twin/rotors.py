@@ -32,6 +32,8 @@ class Rotors:
         self._step_rad = 2.0 * math.pi * time_step_s
         self._angle_rad = np.zeros(len(motors))
         self.applied_hz = np.zeros(len(motors))
+        self._gait: Gait | None = None
+        self._is_steady = False
 
     def turn(self, gait: Gait, steps: int) -> tuple[Array, NDArray[np.complex128]]:
         """Turn for so many steps, at least one; return frequencies and forces at each, both of shape (steps, motors).
@@ -39,20 +41,35 @@ class Rotors:
         A force is x + iy in the frame of its strut: F (sin a + i cos a) at the angle a, which is the integral of the
         frequency plus the gait's phase.
         """
-        target_hz = np.minimum(np.maximum(gait.frequency_hz, -self._max_hz), self._max_hz)
-        gap_hz = target_hz - self.applied_hz
+        if gait is not self._gait:  # most calls go on with the gait of the last
+            self._take(gait)
         step = np.arange(1, steps + 1)[:, None]
-        if np.abs(gap_hz).max() < SAME_HZ:
-            hz, turned = np.broadcast_to(target_hz, (steps, len(target_hz))), step * target_hz
+        if self._is_steady:
+            hz, turned, forces_n = self._target_hz[None].repeat(steps, axis=0), step * self._target_hz, self._steady_n
         else:
-            hz = target_hz - gap_hz * np.exp(-step / self._lag_steps)
-            turned = np.cumsum(hz, axis=0)
+            hz = self._target_hz - (self._target_hz - self.applied_hz) * np.exp(-step / self._lag_steps)
+            turned, forces_n = np.cumsum(hz, axis=0), self._forces_n(hz)
         angle_rad = self._angle_rad + self._step_rad * turned
         self.applied_hz, self._angle_rad = hz[-1], angle_rad[-1]
-        return hz, self._sizes_n(hz) * gait.amplitude * 1j * np.exp(-1j * (angle_rad + gait.phase_rad))
+        self._is_steady = self._is_steady or self._has_reached()
+        return hz, forces_n * np.exp(-1j * (angle_rad + self._phase_rad))
+
+    def _take(self, gait: Gait) -> None:
+        self._gait = gait
+        self._target_hz = np.minimum(np.maximum(gait.frequency_hz, -self._max_hz), self._max_hz)
+        self._amplitude, self._phase_rad = np.array(gait.amplitude), np.array(gait.phase_rad)
+        self._steady_n = self._forces_n(self._target_hz)
+        self._is_steady = self._has_reached()
+
+    def _has_reached(self) -> bool:
+        return bool(np.abs(self._target_hz - self.applied_hz).max() < SAME_HZ)
+
+    def _forces_n(self, hz: Array) -> NDArray[np.complex128]:
+        """Return the forces at the angle 0 and frequencies of shape (..., motors)."""
+        return np.asarray(self._sizes_n(hz) * self._amplitude * 1j)
 
     def _sizes_n(self, hz: Array) -> Array:
-        """Return the sizes of the forces at frequencies of shape (steps, motors)."""
+        """Return the sizes of the forces at frequencies of shape (..., motors)."""
         if self._same_law:
             return np.asarray(self._laws[0].at(hz))
         return np.array([law.at(of_motor) for law, of_motor in zip(self._laws, hz.T, strict=True)]).T

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from statistics import fmean, stdev
 
 import msgspec
@@ -185,21 +185,28 @@ def _step(logged: LoggedTrial) -> Step:
 
 
 def _truths(settings: Settings, unit: Unit, steps: Sequence[Step]) -> tuple[Truth, ...]:
-    """Return the true speeds at the checkpoints. All methods of a repeat are given the same starts."""
-    robot, _ = opened(settings, unit.condition, _seed(settings, unit.repeat, "true speed"))
-
-    @cache  # the recommendation need not have changed since the last checkpoint
-    def speeds_m_s(gait_hz: tuple[float, ...]) -> tuple[float, ...]:
-        trial_settings = TrialSettings(settings.duration_s, period_s=LOOK_S)
-        starts = (run_trial(robot, Gait(gait_hz), trial_settings, start + 1) for start in range(settings.starts))
-        return tuple(score(trial) for trial in starts if trial.outcome.is_valid)
-
-    with closing(robot):
-        truths = tuple(Truth(after, speeds_m_s(steps[after - 1].recommended_hz)) for after in unit.checkpoints)
+    """Return the true speeds at the checkpoints."""
+    recommended = {after: steps[after - 1].recommended_hz for after in unit.checkpoints}
+    truths = tuple(
+        Truth(after, _true_speeds_m_s(settings, unit.condition, unit.repeat, gait_hz))
+        for after, gait_hz in recommended.items()
+    )
     for truth in truths:
         if not truth.speeds_m_s:
             raise RuntimeError(f"{unit.name}: no start of the gait recommended after trial {truth.after} was valid")
     return truths
+
+
+@lru_cache(maxsize=1000)  # checkpoints, and runs of a repeat, often recommend the same gait
+def _true_speeds_m_s(
+    settings: Settings, condition: Condition, repeat: int, gait_hz: tuple[float, ...]
+) -> tuple[float, ...]:
+    """Return the speeds of a gait. All gaits of a repeat are given the same starts."""
+    robot, _ = opened(settings, condition, _seed(settings, repeat, "true speed"))
+    trial_settings = TrialSettings(settings.duration_s, period_s=LOOK_S)
+    with closing(robot):
+        starts = [run_trial(robot, Gait(gait_hz), trial_settings, start + 1) for start in range(settings.starts)]
+    return tuple(score(trial) for trial in starts if trial.outcome.is_valid)
 
 
 def _seed(settings: Settings, repeat: int, role: str) -> int:
