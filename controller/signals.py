@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _PATIENCE_S = 3.0  # how long a stop may take before a second signal may break into it
 _SOON_S = 0.001
+_SHOW = sys.unraisablehook  # of the program that this one runs in
 
 
 class _RaiseOnce:
@@ -33,7 +34,7 @@ class _RaiseOnce:
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
             signal.setitimer(signal.ITIMER_REAL, _SOON_S)
         else:
-            sys.__unraisablehook__(unraisable)
+            _SHOW(unraisable)
 
     def again(self, number: int, frame: FrameType | None) -> None:
         """Raise what was dropped."""
