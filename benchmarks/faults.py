@@ -22,11 +22,11 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from benchmarks.observed import Change, ObservedDevice
-from controller.interface import DeviceError, TrackingLost, UserError
-from controller.mocks import DEVICES
-from controller.run import RunDirectory
-from controller.trial_runner import TrialCrashed
-from drivers.mock.faults import Fault, Kind
+from vvvaltr.controller.core.errors import DeviceError, TrackingLost, UserError
+from vvvaltr.controller.loop.trial_runner import TrialCrashed
+from vvvaltr.controller.robot.mock import DEVICES
+from vvvaltr.controller.runs.run import RunDirectory
+from vvvaltr.drivers.mocking.faults import Fault, Kind
 
 _DURATION_S = 0.7
 _FAULTS_PER_RUN = 20

@@ -18,18 +18,21 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
-from controller.interface import DeviceError
-from controller.types import Gait, Pose
-from drivers import node_protocol, odrive, qik, qik_protocol
-from drivers.calibration import Curve
-from drivers.can_link import CanLink, Frame
-from drivers.link import Link
-from drivers.mock.can_adapter import SlcanAdapter, from_text, to_text
-from drivers.mock.node import NodeDevice
-from drivers.mock.odrive import OdriveDevice
-from drivers.mock.qik import QikDevice
-from drivers.node import NodeLine, open_node
-from drivers.trackers.stream import decode_pose, encode_pose
+from vvvaltr.controller.core.errors import DeviceError
+from vvvaltr.controller.core.values import Gait, Pose
+from vvvaltr.drivers.links.can import CanLink, Frame
+from vvvaltr.drivers.links.curve import Curve
+from vvvaltr.drivers.links.link import Link
+from vvvaltr.drivers.mocking.can_adapter import SlcanAdapter, from_text, to_text
+from vvvaltr.drivers.node import protocol as node_protocol
+from vvvaltr.drivers.node.line import NodeLine, open_node
+from vvvaltr.drivers.node.mock import NodeDevice
+from vvvaltr.drivers.odrive import line as odrive
+from vvvaltr.drivers.odrive.mock import OdriveDevice
+from vvvaltr.drivers.qik import line as qik
+from vvvaltr.drivers.qik import protocol as qik_protocol
+from vvvaltr.drivers.qik.mock import QikDevice
+from vvvaltr.drivers.trackers.stream.tracker import decode_pose, encode_pose
 
 _CHUNK = 64
 _MAX_HZ = 16.5

@@ -24,24 +24,25 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.observed import ObservedDevice
-from controller.config import TrialTable, load_robot_file
-from controller.hardware import HardwareRobot, open_hardware
-from controller.interface import Clock, MotorDriver, Tracker, TrackingLost
-from controller.mocks import DEVICES
-from controller.trial_runner import TrialCrashed, TrialSettings, run_trial
-from controller.types import Gait, GaitSpace, Pose, Structure
-from drivers.mock.faults import Fault, Kind
+from vvvaltr.controller.core.errors import TrackingLost
+from vvvaltr.controller.core.protocols import Clock, MotorDriver, Tracker
+from vvvaltr.controller.core.values import Gait, GaitSpace, Pose, Structure
+from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
+from vvvaltr.controller.robot.hardware import HardwareRobot, open_hardware
+from vvvaltr.controller.robot.mock import DEVICES
+from vvvaltr.controller.robot.robot_file import TrialTable, load_robot_file
+from vvvaltr.drivers.mocking.faults import Fault, Kind
 
 ON = Gait((9.0, -12.0, 15.0))
-_VVVALTR = "import sys; from controller.cli import main; sys.exit(main())"
+_VVVALTR = "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())"
 _CONTROLLER = """
 import sys, time
 from pathlib import Path
-from controller.config import load_robot_file
-from controller.hardware import open_hardware
-from controller.signals import interrupt_on_signals
-from controller.trial_runner import TrialSettings, run_trial
-from controller.types import Gait
+from vvvaltr.controller.robot.robot_file import load_robot_file
+from vvvaltr.controller.robot.hardware import open_hardware
+from vvvaltr.controller.core.signals import interrupt_on_signals
+from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
+from vvvaltr.controller.core.values import Gait
 interrupt_on_signals()
 robot = open_hardware(load_robot_file(Path(sys.argv[1])))
 try:
@@ -111,7 +112,7 @@ def longest_gaps(
 
 def _learn_until(deadline_s: float) -> None:
     """Suggest and take in trials, as the learner does between trials, without a pause."""
-    from transfer.plain_bo import PlainBO
+    from vvvaltr.transfer.methods.plain_bo import PlainBO
 
     space = GaitSpace.over(3, 4.0, 16.0)
     dice = np.random.default_rng(0)

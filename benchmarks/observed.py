@@ -9,7 +9,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Self
 
-from drivers.mock.faults import Fault
+from vvvaltr.drivers.mocking.faults import Fault
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +81,8 @@ class ObservedDevice:
 
 
 def _serve(device: str, link: Path, pipe: Connection) -> None:
-    from controller.mocks import open_mock
-    from drivers.mock.plugged import be_prompt
+    from vvvaltr.controller.robot.mock import open_mock
+    from vvvaltr.drivers.mocking.plugged import be_prompt
 
     be_prompt()
     mock = open_mock(device, link)

@@ -58,9 +58,9 @@ class TwinProblem:
     """
 
     def __init__(self, condition: str) -> None:
-        from controller.trial_runner import TrialSettings
-        from transfer.experiments.thesis import pairs
-        from transfer.experiments.unit import Settings, opened
+        from vvvaltr.controller.loop.trial_runner import TrialSettings
+        from vvvaltr.transfer.experiments.thesis import pairs
+        from vvvaltr.transfer.experiments.unit import Settings, opened
 
         target = next(pair.target for pair in pairs("planar") if pair.target.name == condition)
         self._robot, self._space = opened(Settings(), target, seed=0)
@@ -78,8 +78,8 @@ class TwinProblem:
         return np.array([np.mean([self._speed_m_s(place, start) for start in range(20)]) for place in x])
 
     def _speed_m_s(self, x: Array, start: int) -> float:
-        from controller.scoring import score
-        from controller.trial_runner import run_trial
+        from vvvaltr.controller.loop.scoring import score
+        from vvvaltr.controller.loop.trial_runner import run_trial
 
         return score(run_trial(self._robot, self._space.from_unit(x), self._settings, start))
 
@@ -89,8 +89,8 @@ class Ours:
 
     def begin(self, dimension: int, seed: int) -> None:
         """Begin a new run."""
-        from controller.types import GaitSpace
-        from transfer.plain_bo import PlainBO
+        from vvvaltr.controller.core.values import GaitSpace
+        from vvvaltr.transfer.methods.plain_bo import PlainBO
 
         self._space = GaitSpace.over(dimension, 0.0, 1.0)
         self._search = PlainBO(self._space, seed)
@@ -229,8 +229,8 @@ def times(peers: dict[str, PeerProcess]) -> dict[str, float]:
 
     from benchmarks.suggest import median_ms
     from benchmarks.surfaces import gait3
-    from controller.types import GaitSpace, Source
-    from transfer.methods import METHODS, make_optimizer
+    from vvvaltr.controller.core.values import GaitSpace, Source
+    from vvvaltr.transfer.methods.registry import METHODS, make_optimizer
 
     surface, space, rng = gait3(0), GaitSpace.over(3, 0.0, 1.0), np.random.default_rng(0)
     x = rng.random((2 * POINTS, 3))

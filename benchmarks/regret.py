@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.surfaces import Surface, gait3, hartmann3, hartmann6
-from controller.types import GaitSpace
-from transfer.plain_bo import PlainBO
+from vvvaltr.controller.core.values import GaitSpace
+from vvvaltr.transfer.methods.plain_bo import PlainBO
 
 TRIALS = 40
 SURFACES: dict[str, Callable[[int], Surface]] = {

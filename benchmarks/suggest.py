@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from controller.interface import Optimizer
+    from vvvaltr.controller.core.protocols import Optimizer
 
 RUNS = 3
 TIMED = range(46, 56)
@@ -27,7 +27,7 @@ def median_ms(begin: Callable[[int], Optimizer]) -> float:
     import numpy as np
 
     from benchmarks.surfaces import gait3
-    from controller.types import GaitSpace
+    from vvvaltr.controller.core.values import GaitSpace
 
     times_ms, space = [], GaitSpace.over(3, 0.0, 1.0)
     for seed in range(RUNS):
@@ -48,8 +48,8 @@ def measured() -> dict[str, float]:
     import numpy as np
 
     from benchmarks.surfaces import gait3
-    from controller.types import GaitSpace, Source
-    from transfer.methods import make_optimizer
+    from vvvaltr.controller.core.values import GaitSpace, Source
+    from vvvaltr.transfer.methods.registry import make_optimizer
 
     space, surface, rng = GaitSpace.over(3, 0.0, 1.0), gait3(0), np.random.default_rng(0)
     x = rng.random((50, 3))

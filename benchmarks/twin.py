@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from twin.engine import Engine
+    from vvvaltr.twin.engine import Engine
 
 PLANAR_HZ = ((12.0, 14.0, 16.0), (16.0, 9.0, 13.0), (-14.0, 12.0, 15.0))
 SPATIAL_HZ = ((25.0, 32.0, 41.0), (45.0, 20.0, 33.0), (-30.0, 38.0, 12.0))
@@ -38,7 +38,7 @@ def times_real_time(engine: Engine, gaits_hz: Sequence[tuple[float, ...]]) -> fl
 
 def _repeats(engine: Engine, frequency_hz: tuple[float, ...]) -> list[list[float]]:
     """Return how long each call took in each repeat."""
-    from controller.types import Gait
+    from vvvaltr.controller.core.values import Gait
 
     gait, repeats = Gait(frequency_hz), []
     for _ in range(REPEATS):
@@ -53,9 +53,9 @@ def _repeats(engine: Engine, frequency_hz: tuple[float, ...]) -> list[list[float
 
 def planar() -> dict[str, float]:
     """Return the planar twin's figures, at its own time steps: 2 ms for three struts, 1 ms for six."""
-    from twin.body import BODIES
-    from twin.planar import PLANAR_PARTS, PlanarEngine
-    from twin.world import PLAIN
+    from vvvaltr.twin.body import BODIES
+    from vvvaltr.twin.planar.engine import PLANAR_PARTS, PlanarEngine
+    from vvvaltr.twin.world import PLAIN
 
     return {
         f"planar_{name}_x_real_time": round(times_real_time(PlanarEngine(body(PLANAR_PARTS), PLAIN), PLANAR_HZ), 1)
@@ -65,10 +65,10 @@ def planar() -> dict[str, float]:
 
 def spatial() -> dict[str, float]:
     """Return the spatial twin's figures, at its own time step of 0.5 ms."""
-    from twin.body import BODIES, icosahedron6
-    from twin.spatial import SPATIAL_PARTS, TIME_STEP_S, SpatialEngine
-    from twin.spatial_model import compiled
-    from twin.world import PLAIN, Hills, World
+    from vvvaltr.twin.body import BODIES, icosahedron6
+    from vvvaltr.twin.spatial.engine import SPATIAL_PARTS, TIME_STEP_S, SpatialEngine
+    from vvvaltr.twin.spatial.model import compiled
+    from vvvaltr.twin.world import PLAIN, Hills, World
 
     body, hills = icosahedron6(SPATIAL_PARTS), World(ground=Hills())
     engines = {name: SpatialEngine(make(SPATIAL_PARTS), PLAIN) for name, make in BODIES.items()}
@@ -118,12 +118,12 @@ def _driven_motions() -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
     from mujoco import MjData, mj_stateSize, mjtState
     from mujoco.rollout import rollout
 
-    from controller.types import Gait
-    from twin.body import icosahedron6
-    from twin.rotors import Rotors
-    from twin.spatial import SPATIAL_PARTS, TIME_STEP_S
-    from twin.spatial_model import compiled
-    from twin.world import PLAIN
+    from vvvaltr.controller.core.values import Gait
+    from vvvaltr.twin.body import icosahedron6
+    from vvvaltr.twin.rotors import Rotors
+    from vvvaltr.twin.spatial.engine import SPATIAL_PARTS, TIME_STEP_S
+    from vvvaltr.twin.spatial.model import compiled
+    from vvvaltr.twin.world import PLAIN
 
     body, gait = icosahedron6(SPATIAL_PARTS), Gait(SPATIAL_HZ[0])
     model = compiled(body, PLAIN, TIME_STEP_S)

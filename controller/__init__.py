@@ -1,1 +1,1 @@
-"""What runs on the robot: types, protocols, the trial loop and its safety, the log, and the command line."""
+"""What runs on the robot's companion computer: from the values that everything shares up to the command line."""

@@ -1,1 +1,1 @@
-"""Devices: one file per protocol and one per transport."""
+"""Devices: a folder for each, with its table of the robot's file, its line, its bytes and its mock."""

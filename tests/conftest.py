@@ -9,7 +9,7 @@ from typing import IO
 
 import pytest
 
-from drivers.mock.process import MockProcess
+from vvvaltr.drivers.mocking.process import MockProcess
 
 _CANARY = """
 import select, sys, time

@@ -1,1 +1,1 @@
-"""Learning: Gaussian processes, Bayesian optimisation and transfer between conditions."""
+"""Learning as pure mathematics: Gaussian processes, acquisition, and transfer between conditions."""

@@ -1,1 +1,1 @@
-"""The interchangeable physics twin."""
+"""The robot as physics: bodies, worlds, and the engines that move them."""

@@ -8,9 +8,9 @@ from functools import partial
 from queue import SimpleQueue
 from typing import TypeVar
 
-from controller.processes import processes
-from twin.robot import TwinRobot
-from twin.spatial import SpatialEngine
+from vvvaltr.controller.core.processes import processes
+from vvvaltr.twin.robot import TwinRobot
+from vvvaltr.twin.spatial.engine import SpatialEngine
 
 Result = TypeVar("Result")
 Task = Callable[[TwinRobot], Result]

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.types import Structure, Terrain, Vector
+from vvvaltr.controller.core.values import Structure, Terrain, Vector
 
 Number = TypeVar("Number", float, NDArray[np.float64])
 

@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.interface import DeviceFault
-from controller.types import Forces, Gait
-from twin.body import Body
-from twin.world import World
+from vvvaltr.controller.core.errors import DeviceFault
+from vvvaltr.controller.core.values import Forces, Gait
+from vvvaltr.twin.body import Body
+from vvvaltr.twin.world import World
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,12 @@ from typing import Self
 
 import numpy as np
 
-from controller.streams import stream
-from controller.types import Gait, MotorState, Pose, Quantity, Structure
-from twin.body import ForceLaw, Parts, body_named, damaged
-from twin.engine import Engine, Start
-from twin.planar import LAWS, PLANAR_PARTS, PlanarEngine
-from twin.world import PLAIN, World, terrain_grid
+from vvvaltr.controller.core.streams import stream
+from vvvaltr.controller.core.values import Gait, MotorState, Pose, Quantity, Structure
+from vvvaltr.twin.body import ForceLaw, Parts, body_named, damaged
+from vvvaltr.twin.engine import Engine, Start
+from vvvaltr.twin.planar.engine import LAWS, PLANAR_PARTS, PlanarEngine
+from vvvaltr.twin.world import PLAIN, World, terrain_grid
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +233,7 @@ def spatial_robot(
     time_step_s: float = 0.0,
 ) -> TwinRobot:
     """Return a robot on the spatial twin; see ``planar_robot``. Raises ValueError also where MuJoCo is missing."""
-    from twin import spatial
+    from vvvaltr.twin.spatial import engine as spatial
 
     parts, range_hz = _with_law(spatial.SPATIAL_PARTS, spatial.LAWS, law)
     engine = spatial.SpatialEngine(damaged(body_named(body, parts), damage), world, time_step_s)

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.types import Gait
-from twin.body import Motor
+from vvvaltr.controller.core.values import Gait
+from vvvaltr.twin.body import Motor
 
 Array = NDArray[np.float64]
 

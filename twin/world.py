@@ -10,8 +10,8 @@ from inspect import signature
 import numpy as np
 from numpy.typing import NDArray
 
-from controller import types
-from controller.streams import stream
+from vvvaltr.controller.core import values as types
+from vvvaltr.controller.core.streams import stream
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,1 @@
-"""Trackers: where the robot is, one file per kind."""
+"""Where the robot is: a folder for each kind of tracker."""

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-import twin.robot
-from controller.config import load_robot_file
-from controller.hardware import open_hardware
-from controller.interface import Robot
-from controller.trial_runner import TrialSettings, run_trial
-from controller.types import Gait, Outcome, Quantity
-from drivers.mock.process import MockProcess
+from vvvaltr.controller.core.protocols import Robot
+from vvvaltr.controller.core.values import Gait, Outcome, Quantity
+from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
+from vvvaltr.controller.robot.hardware import open_hardware
+from vvvaltr.controller.robot.robot_file import load_robot_file
+from vvvaltr.drivers.mocking.process import MockProcess
+from vvvaltr.twin import robot as twins
 
 GAIT = Gait((9.0, -11.0, 6.0))
 REST = Gait((0.0, 0.0, 0.0))
@@ -39,7 +39,7 @@ def robot(source: str | MockProcess) -> Iterator[Robot]:
 def _opened(source: str | MockProcess) -> Robot:
     if isinstance(source, MockProcess):
         return open_hardware(load_robot_file(Path(source.greeting.robot_file)))
-    opened: Robot = getattr(twin.robot, f"{source}_robot")(scatter=twin.robot.Scatter.none())
+    opened: Robot = getattr(twins, f"{source}_robot")(scatter=twins.Scatter.none())
     return opened
 
 

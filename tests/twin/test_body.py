@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.body import (
+from vvvaltr.twin.body import (
     BODIES,
     ConstantForce,
     EccentricForce,
@@ -17,7 +17,7 @@ from twin.body import (
     prism3,
     snap,
 )
-from twin.planar import PLANAR_PARTS
+from vvvaltr.twin.planar.engine import PLANAR_PARTS
 
 PRISM = prism3(PLANAR_PARTS)
 ICOSAHEDRON = icosahedron6(PLANAR_PARTS)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from twin.posture import best_rotation, continued_angles, nodes_of, turned
+from vvvaltr.twin.posture import best_rotation, continued_angles, nodes_of, turned
 
 RANDOM = np.random.default_rng(7)
 HALVES_M = np.array([0.05, 0.04, 0.03])

@@ -5,12 +5,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from controller.interface import Robot
-from controller.trial_runner import TrialSettings, run_trial
-from controller.types import Gait, Outcome, Quantity
-from twin.planar import SEARCH_HZ
-from twin.robot import Scatter, planar_robot
-from twin.world import Hills, World
+from vvvaltr.controller.core.protocols import Robot
+from vvvaltr.controller.core.values import Gait, Outcome, Quantity
+from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
+from vvvaltr.twin.planar.engine import SEARCH_HZ
+from vvvaltr.twin.robot import Scatter, planar_robot
+from vvvaltr.twin.world import Hills, World
 
 LIVELY = Gait((12.0, 14.0, 16.0))
 SHORT = TrialSettings(duration_s=1.0)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.world import Flat, Hills, Slope, World, terrain_grid, world_named
+from vvvaltr.twin.world import Flat, Hills, Slope, World, terrain_grid, world_named
 
 LINE = np.linspace(-2.0, 2.0, 4001)
 

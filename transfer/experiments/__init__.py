@@ -1,1 +1,1 @@
-"""Campaigns of learning: the thesis' experiments, repeated until chance is ruled out, and what they show."""
+"""Campaigns: the thesis' experiments over many repeats, their statistics and their report."""

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
 from dataclasses import dataclass, replace
 
-from controller.interface import UserError
-from controller.types import Source
-from transfer.experiments.store import Store
-from transfer.experiments.thesis import Pair, pairs
-from transfer.experiments.unit import Result, Settings, Unit, work
-from transfer.methods import METHODS
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.values import Source
+from vvvaltr.transfer.experiments.store import Store
+from vvvaltr.transfer.experiments.thesis import Pair, pairs
+from vvvaltr.transfer.experiments.unit import Result, Settings, Unit, work
+from vvvaltr.transfer.methods.registry import METHODS
 
 REPLICATES = 3
 """Runs of Plain-BO per repeat: one shared lucky run would bias every comparison of the repeat."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 
-from controller.interface import UserError
+from vvvaltr.controller.core.errors import UserError
 
 
 @contextmanager

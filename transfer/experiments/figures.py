@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from transfer.experiments.findings import MethodFindings, PairFindings, Runs, plain_level_m_s
-from transfer.experiments.statistics import Array, mean_interval
-from transfer.experiments.surfaces import Surfaces
-from transfer.methods import METHODS
+from vvvaltr.transfer.experiments.findings import MethodFindings, PairFindings, Runs, plain_level_m_s
+from vvvaltr.transfer.experiments.statistics import Array, mean_interval
+from vvvaltr.transfer.experiments.surfaces import Surfaces
+from vvvaltr.transfer.methods.registry import METHODS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

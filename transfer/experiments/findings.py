@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.streams import stream
-from transfer.experiments.campaign import PairUnits, checkpoints_of, transfer_methods, units_of
-from transfer.experiments.statistics import Comparison, Interval, compare, holm, trials_to_level
-from transfer.experiments.store import Store
-from transfer.experiments.thesis import Pair, pairs
-from transfer.experiments.unit import Result, Step, Unit
+from vvvaltr.controller.core.streams import stream
+from vvvaltr.transfer.experiments.campaign import PairUnits, checkpoints_of, transfer_methods, units_of
+from vvvaltr.transfer.experiments.statistics import Comparison, Interval, compare, holm, trials_to_level
+from vvvaltr.transfer.experiments.store import Store
+from vvvaltr.transfer.experiments.thesis import Pair, pairs
+from vvvaltr.transfer.experiments.unit import Result, Step, Unit
 
 Array = NDArray[np.float64]
 

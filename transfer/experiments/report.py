@@ -8,13 +8,13 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from transfer.experiments import figures, tables
-from transfer.experiments.findings import PairFindings, findings
-from transfer.experiments.store import Store
-from transfer.experiments.surfaces import surfaces
-from transfer.experiments.tables import Table
-from transfer.experiments.unit import Settings, opened
-from transfer.methods import METHODS
+from vvvaltr.transfer.experiments import figures, tables
+from vvvaltr.transfer.experiments.findings import PairFindings, findings
+from vvvaltr.transfer.experiments.store import Store
+from vvvaltr.transfer.experiments.surfaces import surfaces
+from vvvaltr.transfer.experiments.tables import Table
+from vvvaltr.transfer.experiments.unit import Settings, opened
+from vvvaltr.transfer.methods.registry import METHODS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,8 +13,8 @@ from pathlib import Path
 import msgspec
 import tomli_w
 
-from controller.interface import UserError
-from transfer.experiments.unit import Result, Settings, Step, Truth, Unit
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.transfer.experiments.unit import Result, Settings, Step, Truth, Unit
 
 _OPTIONS = {"duration_s": "--duration", "most_trials": "--trials"}
 _ENCODER = msgspec.json.Encoder()

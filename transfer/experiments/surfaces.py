@@ -9,12 +9,12 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.streams import stream
-from controller.types import Gait, GaitSpace
-from transfer.belief import Trials
-from transfer.experiments.unit import Result
-from transfer.plain_bo import learned_alone
-from transfer.search import places
+from vvvaltr.controller.core.streams import stream
+from vvvaltr.controller.core.values import Gait, GaitSpace
+from vvvaltr.transfer.bayes.belief import Trials
+from vvvaltr.transfer.bayes.search import places
+from vvvaltr.transfer.experiments.unit import Result
+from vvvaltr.transfer.methods.plain_bo import learned_alone
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from transfer.experiments.findings import PairFindings
-from transfer.experiments.statistics import Comparison
+from vvvaltr.transfer.experiments.findings import PairFindings
+from vvvaltr.transfer.experiments.statistics import Comparison
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from twin.world import Hills, World
+from vvvaltr.twin.world import Hills, World
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,17 +11,17 @@ from statistics import fmean, stdev
 
 import msgspec
 
-import twin.robot
-from controller.learn import Budget, learn
-from controller.recording import LoggedTrial
-from controller.safety import GuardedRobot, Limits
-from controller.scoring import score
-from controller.streams import stream
-from controller.trial_runner import TrialCrashed, TrialSettings, run_trial
-from controller.types import Gait, GaitSpace, Source
-from transfer.experiments.thesis import BODIES, Condition
-from transfer.methods import make_optimizer
-from twin.robot import TwinRobot
+from vvvaltr.controller.core.records import LoggedTrial
+from vvvaltr.controller.core.streams import stream
+from vvvaltr.controller.core.values import Gait, GaitSpace, Source
+from vvvaltr.controller.loop.learn import Budget, learn
+from vvvaltr.controller.loop.safety import GuardedRobot, Limits
+from vvvaltr.controller.loop.scoring import score
+from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
+from vvvaltr.transfer.experiments.thesis import BODIES, Condition
+from vvvaltr.transfer.methods.registry import make_optimizer
+from vvvaltr.twin import robot as twins
+from vvvaltr.twin.robot import TwinRobot
 
 LOOK_S = 0.1
 """Time between two looks at a robot whose true speed is measured: a fifth less work than the usual 0.05 s."""
@@ -158,7 +158,7 @@ def work(settings: Settings, unit: Unit, source: Source | None) -> Result:
 
 def opened(settings: Settings, condition: Condition, seed: int) -> tuple[GuardedRobot, GaitSpace]:
     """Return the robot in its condition, and the gaits to search."""
-    make_robot: Callable[..., TwinRobot] = getattr(twin.robot, f"{settings.robot}_robot")
+    make_robot: Callable[..., TwinRobot] = getattr(twins, f"{settings.robot}_robot")
     robot = make_robot(condition.body, condition.world, condition.damage, seed=seed)
     low_hz, high_hz = robot.range_hz
     space = GaitSpace.over(robot.motors.motor_count, -high_hz if settings.signed else low_hz, high_hz)

@@ -1,0 +1,1 @@
+"""What talks to the person: one file for each command of `vvvaltr`."""

@@ -1,0 +1,155 @@
+"""`vvvaltr learn`: find a good gait."""
+
+from __future__ import annotations
+
+import sys
+import time
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Iterable
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.options import add_robot_arguments, add_trial_arguments, asked_robot, number, one_of, whole
+from vvvaltr.controller.cli.rerun_extra import has_rerun, require_rerun
+from vvvaltr.controller.core.errors import UserError
+
+if TYPE_CHECKING:
+    from vvvaltr.controller.runs.run import RunDirectory
+    from vvvaltr.controller.view.recording import LiveView
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
+    add_robot_arguments(parser)
+    add_trial_arguments(parser)
+    group = parser.add_argument_group("learning")
+    group.add_argument("--trials", type=whole(1), metavar="N", help="valid trials to make (default 40)")
+    group.add_argument("--method", help="the optimiser (default: plain, or guarded with a source)")
+    group.add_argument("--source", action="append", metavar="RUN", help="a run to learn from; repeatable")
+    group.add_argument("--optimise", type=one_of("frequency", "phase", "amplitude"), metavar="WHAT,...",
+                       help="what to search: frequency, phase, amplitude (default frequency)")  # fmt: skip
+    group.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
+                       help="frequencies to search in Hz; negative ones turn the other way")  # fmt: skip
+    group.add_argument("--confirm", type=_gaits_by_repeats, metavar="KxR",
+                       help="spend the last K*R trials on R repeats of the K most promising gaits")  # fmt: skip
+    group.add_argument("--stop-when", dest="stop_below_mm_s", type=number(above=0), metavar="MM_S",
+                       help="end the search once a trial is expected to gain less than this")  # fmt: skip
+    group = parser.add_argument_group("run")
+    where = group.add_mutually_exclusive_group()
+    where.add_argument("--out", type=Path, metavar="DIR", help="a new directory for the run (default below runs/)")
+    where.add_argument("--resume", type=Path, metavar="DIR", help="go on with this run, as it would have gone on")
+    group.add_argument("--no-recording", action="store_true", help="leave no run.rrd beside the log")
+    group.add_argument("--live", action="store_true", help="show the run in Rerun while it learns")
+
+
+def _gaits_by_repeats(text: str) -> tuple[int, int]:
+    gaits, _, repeats = text.partition("x")
+    if not (gaits.isdecimal() and repeats.isdecimal() and int(gaits) and int(repeats)):
+        raise ArgumentTypeError(f"{text!r} is not gaits x repeats, as in 3x4")
+    return int(gaits), int(repeats)
+
+
+def _execute(arguments: Namespace) -> Answer:
+    from vvvaltr.controller.runs.run import RunDirectory
+
+    if arguments.live:
+        require_rerun()
+    asked = _asked(arguments)
+    if arguments.resume is not None:
+        run = RunDirectory.resume(arguments.resume, asked)
+    else:
+        run = RunDirectory.create(arguments.out or _default_directory(asked), asked)
+    try:
+        with closing(run):
+            _learn(run, live=arguments.live)
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(f"{interrupt}; the run is saved, go on by --resume {run.path}") from None
+    finally:
+        result = run.summarise()
+    if has_rerun() and not arguments.no_recording:
+        _save_recording(run.path)
+    return Answer(_prose(result), result)
+
+
+def _asked(arguments: Namespace) -> dict[str, Any]:
+    """Return what was asked for, keyed as in RunConfig; what was not given is absent."""
+    asked: dict[str, Any] = {"robot": asked_robot(arguments)}
+    for key in ("method", "seed", "trials", "duration_s", "score", "optimise", "range_hz", "confirm"):
+        if (value := getattr(arguments, key)) is not None:
+            asked[key] = value
+    if arguments.stop_below_mm_s is not None:
+        asked["stop_below_m_s"] = arguments.stop_below_mm_s / 1000.0
+    if arguments.source:
+        asked["sources"] = tuple(arguments.source)
+    return asked
+
+
+def _default_directory(asked: dict[str, Any]) -> Path:
+    robot = Path(asked["robot"].get("name", "planar")).stem
+    return Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{robot}"
+
+
+def _learn(run: RunDirectory, live: bool) -> None:
+    from tqdm import tqdm
+
+    done = sum(logged.score is not None for logged in run.trials)
+    with ExitStack() as stack:
+        view = stack.enter_context(closing(_live_view(run))) if live else None
+        bar = stack.enter_context(
+            tqdm(total=run.config.trials, initial=done, unit="trial", desc="learning", file=sys.stderr)
+        )
+        for logged in run.learn():
+            if view is not None:
+                view.update(logged)
+            if logged.score is None:
+                bar.write(f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}", sys.stderr)
+            else:
+                bar.set_postfix_str(f"{1000 * logged.score:.1f} mm/s", refresh=False)
+                bar.update()
+
+
+def _live_view(run: RunDirectory) -> LiveView:
+    from vvvaltr.controller.view.showing import live_view
+
+    view = live_view(run)
+    try:
+        view.open_window()
+    except UserError:  # a robot's own computer has no screen; another one looks through an ssh tunnel
+        print(f"live at {view.url}: rerun --connect {view.url}", file=sys.stderr, flush=True)
+    return view
+
+
+def _save_recording(run: Path) -> None:
+    from vvvaltr.controller.view.showing import save_run
+
+    print("making the Rerun recording", file=sys.stderr, flush=True)
+    try:
+        save_run(run, run / "run.rrd")
+    except UserError as error:  # the trials and the summary are safe
+        print(f"no Rerun recording: {error}; vvvaltr view {run} makes it anew", file=sys.stderr, flush=True)
+
+
+def _prose(result: dict[str, Any]) -> str:
+    best = result["recommended"]
+    lines: Iterable[str] = (
+        f"best gait  {' '.join(f'{frequency:.2f}' for frequency in best['gait_hz'])} Hz",
+        f"speed      {_mm_s(best['mean_m_s'])} mm/s (posterior mean), "
+        f"95 % interval {_mm_s(best['low_m_s'])} to {_mm_s(best['high_m_s'])} mm/s",
+        f"trials     {result['trials']} ({', '.join(f'{count} {name}' for name, count in result['outcomes'].items())})",
+        f"run        {result['run']}",
+        f"view it    vvvaltr view {result['run']}" + ("" if has_rerun() else ' (needs pip install "vvvaltr[rerun]")'),
+    )
+    return "\n".join(lines)
+
+
+def _mm_s(speed_m_s: float) -> str:
+    return f"{1000.0 * speed_m_s:.1f}"
+
+
+COMMAND = Command(
+    help="find a good gait by trying, in few trials",
+    example="vvvaltr learn --robot planar --trials 40 --seed 1 --out runs/flat",
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,139 @@
+"""Files that people write: TOML or JSON into typed values, with errors that name the key, the value and the cure."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+import tomli_w
+from msgspec import inspect
+
+from vvvaltr.controller.core.errors import UserError
+
+_T = TypeVar("_T")
+
+
+def load_document(path: Path, kind: type[_T]) -> _T:
+    """Read ``path``, JSON if it is called so and TOML otherwise. Raises UserError."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        content = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except FileNotFoundError:
+        raise UserError(f"{path}: there is no such file") from None
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}") from None
+    except ValueError as error:  # of TOML, JSON and UTF-8 alike
+        raise UserError(f"{path} cannot be read: {error}") from None
+    return typed(content, kind, str(path))
+
+
+def typed(content: Any, kind: type[_T], name: str) -> _T:
+    """Return plain ``content``, read from ``name``, as a ``kind``. Raises UserError."""
+    try:
+        return msgspec.convert(content, kind)
+    except msgspec.ValidationError as error:
+        raise UserError(f"{name}: {_explained(str(error), content, kind)}") from None
+
+
+def to_toml(content: Mapping[str, Any], within: str = "") -> str:
+    """Return plain ``content`` as TOML, each array on one line and each table under its header; None is left out."""
+    tables = {key: value for key, value in content.items() if _is_table(value)}
+    text = tomli_w.dumps({key: value for key, value in content.items() if value is not None and key not in tables})
+    text = re.sub(r"^\w+ = \[\n.*?^\]", _on_one_line, text, flags=re.DOTALL | re.MULTILINE)
+    for key, value in tables.items():
+        for table in [value] if isinstance(value, dict) else value:
+            header = f"[{within}{key}]" if isinstance(value, dict) else f"[[{within}{key}]]"
+            text += f"\n{header}\n{to_toml(table, f'{within}{key}.')}"
+    return text
+
+
+def _is_table(value: Any) -> bool:
+    is_list = isinstance(value, list | tuple) and len(value) > 0
+    return isinstance(value, dict) or (is_list and all(isinstance(item, dict) for item in value))
+
+
+def _on_one_line(array: re.Match[str]) -> str:
+    return re.sub(r",\]", "]", re.sub(r"\s+", "", array[0]).replace("=", " = ", 1)).replace(",", ", ")
+
+
+def _explained(message: str, content: Any, kind: type[Any]) -> str:
+    """Return msgspec's message with the key first, then its value, then what is allowed."""
+    complaint, _, path = message.partition(" - at `$")
+    steps = re.findall(r"\w+", path)
+    value = content
+    node: inspect.Type | None = inspect.type_info(kind)
+    for step in steps:
+        node = _below(node, step, value)
+        value = value[int(step)] if isinstance(value, list) else value.get(step, value)
+    key = _named(steps)
+    if unknown := re.search(r"unknown field `(\w+)`", complaint):
+        return f"{_within(key)}{unknown[1]} is no key; allowed: {', '.join(_fields(node, value))}"
+    if missing := re.search(r"missing required field `(\w+)`", complaint):
+        return f"{_within(key)}{missing[1]} is missing"
+    if choices := _choices(node):
+        return f"{key} is {value!r}; allowed: {', '.join(choices)}"
+    shown = "" if isinstance(value, dict | list) else f" is {value!r}"
+    return f"{key}{shown}: {complaint[:1].lower()}{complaint[1:]}".lstrip(": ")
+
+
+def _named(steps: list[str]) -> str:
+    """Return a path as people count: ``line[1].motor[2].max_hz``."""
+    return "".join(f"[{int(step) + 1}]" if step.isdigit() else f".{step}" for step in steps).lstrip(".")
+
+
+def _within(key: str) -> str:
+    return f"{key}." if key else ""
+
+
+def _below(node: inspect.Type | None, step: str, value: Any) -> inspect.Type | None:
+    """Return the type at ``step`` of a value of type ``node``; None where it cannot be told."""
+    if step.isdigit():
+        match node:
+            case inspect.VarTupleType() | inspect.ListType():
+                return node.item_type
+            case inspect.TupleType():
+                return node.item_types[int(step)]
+        return None
+    struct = _struct(node, value)
+    if struct is None:
+        return None
+    if step == struct.tag_field:
+        return inspect.LiteralType(values=_tags(node))
+    return next((field.type for field in struct.fields if field.encode_name == step), None)
+
+
+def _struct(node: inspect.Type | None, value: Any) -> inspect.StructType | None:
+    """Return the struct that ``node`` is, of several the one whose tag ``value`` has, else the first."""
+    structs = _structs(node)
+    tagged = [s for s in structs if isinstance(value, dict) and s.tag == value.get(s.tag_field or "")]
+    return next(iter(tagged or structs), None)
+
+
+def _structs(node: inspect.Type | None) -> list[inspect.StructType]:
+    kinds = node.types if isinstance(node, inspect.UnionType) else (node,)
+    return [kind for kind in kinds if isinstance(kind, inspect.StructType)]
+
+
+def _tags(node: inspect.Type | None) -> tuple[str, ...]:
+    return tuple(str(struct.tag) for struct in _structs(node))
+
+
+def _fields(node: inspect.Type | None, value: Any) -> list[str]:
+    struct = _struct(node, value)
+    if struct is None:
+        return []
+    return [*([struct.tag_field] if struct.tag_field else []), *(field.encode_name for field in struct.fields)]
+
+
+def _choices(node: inspect.Type | None) -> list[str]:
+    match node:
+        case inspect.LiteralType():
+            return [repr(value) for value in node.values]
+        case inspect.EnumType():
+            return [repr(member.value) for member in node.cls]
+    return []

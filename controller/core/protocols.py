@@ -1,0 +1,146 @@
+"""The verbs: protocols that devices, twins and optimisers satisfy, and the errors that they raise.
+
+A backend satisfies a protocol by having its methods; nothing is inherited.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from vvvaltr.controller.core.values import (
+    Estimate,
+    Gait,
+    MotorState,
+    Pose,
+    Quantity,
+    Recommendation,
+    Structure,
+    Suggestion,
+)
+
+
+class MotorDriver(Protocol):
+    """Motors of one robot, in one order, whatever lines they hang on."""
+
+    @property
+    def motor_count(self) -> int:
+        """Number of motors."""
+        ...
+
+    @property
+    def quantities(self) -> frozenset[Quantity]:
+        """What of a gait the device can apply; most can only set frequencies."""
+        ...
+
+    def drive(self, gait: Gait, hold_s: float) -> None:
+        """Apply ``gait`` now, and stop by yourself after ``hold_s`` unless told again.
+
+        Raises:
+            ValueError: another number of motors, or a quantity or value that the device cannot apply.
+            DeviceError: the device failed.
+        """
+        ...
+
+    def state(self) -> MotorState:
+        """Return what the device applies, never the request.
+
+        Raises:
+            DeviceError: the device failed, a motor has a fault, or what is known is stale.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Stop all motors now. Idempotent. Raises DeviceError if the device cannot be told."""
+        ...
+
+    def close(self) -> None:
+        """Stop, then let go of the line. Idempotent."""
+        ...
+
+
+class Tracker(Protocol):
+    """Knows where the robot is."""
+
+    def pose(self) -> Pose:
+        """Return the present pose.
+
+        Raises:
+            TrackingLost: there is none that is fresh and trustworthy. Never a stale or made-up pose.
+        """
+        ...
+
+
+class Clock(Protocol):
+    """Time, as a dependency: waits on hardware, steps the physics on a twin."""
+
+    def now_s(self) -> float:
+        """Seconds on a clock that never goes back."""
+        ...
+
+    def sleep(self, duration_s: float) -> None:
+        """Let ``duration_s`` seconds pass."""
+        ...
+
+
+class Robot(Protocol):
+    """Everything that a trial needs."""
+
+    @property
+    def motors(self) -> MotorDriver:
+        """The motors."""
+        ...
+
+    @property
+    def tracker(self) -> Tracker:
+        """The tracker."""
+        ...
+
+    @property
+    def clock(self) -> Clock:
+        """The clock."""
+        ...
+
+    @property
+    def structure(self) -> Structure | None:
+        """How to draw the robot, where that is known."""
+        ...
+
+    def place(self, trial: int) -> None:
+        """Make the robot ready for a trial: a twin starts afresh, a lost link is opened again. Raises DeviceError."""
+        ...
+
+    def close(self) -> None:
+        """Stop the motors and let go of everything. Idempotent."""
+        ...
+
+
+class Optimizer(Protocol):
+    """Proposes gaits and learns from scores. It never runs a trial.
+
+    Deterministic: the same seed and the same sequence of ``tell`` give the same ``ask``.
+    """
+
+    def ask(self) -> Suggestion:
+        """Return the gait to try next."""
+        ...
+
+    def tell(self, gait: Gait, score: float) -> None:
+        """Learn from one valid trial. Raises ValueError if the score is not finite."""
+        ...
+
+    def recommend(self) -> Recommendation:
+        """Return the gait with the best posterior mean. Raises ValueError before the first ``tell``."""
+        ...
+
+    def predict(self, gaits: Sequence[Gait]) -> tuple[Estimate, ...]:
+        """Return what the model expects of the gaits' true scores. Raises ValueError before the first ``tell``."""
+        ...
+
+    def promising(self, count: int) -> tuple[Gait, ...]:
+        """Return up to ``count`` gaits of great posterior mean, the recommended one first, none near another."""
+        ...
+
+    def improvement(self) -> float:
+        """Return what the next suggestion is expected to gain, in the score's unit; infinite without a model."""
+        ...

@@ -1,0 +1,208 @@
+"""The loop: ask, run, score, tell."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import Any
+
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.protocols import Optimizer, Robot
+from vvvaltr.controller.core.records import LoggedTrial
+from vvvaltr.controller.core.values import Gait, Outcome, Recommendation, Source, Suggestion, Trial
+from vvvaltr.controller.loop.scoring import score
+from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
+
+_PATIENCE = 3  # failed trials in a row after which somebody has to look at the robot
+
+
+CONFIRMATION = "confirmation"
+"""Origin of the suggestions that repeat a promising gait."""
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """How much a run may do.
+
+    Args:
+        trials: valid trials in all.
+        score_name: what they are scored by.
+        confirm: how many promising gaits to repeat at the end, and how often each: part of ``trials``.
+        stop_below: end the search before its time once a trial is expected to gain less than this, in the score's unit.
+
+    Raises:
+        ValueError: nothing would be left for the search.
+    """
+
+    trials: int
+    score_name: str = "net"
+    confirm: tuple[int, int] = (0, 0)
+    stop_below: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.search_trials < 1:
+            gaits, repeats = self.confirm
+            raise ValueError(f"confirm {gaits}x{repeats} leaves no trial of {self.trials} for the search")
+
+    @property
+    def search_trials(self) -> int:
+        """Trials that are not kept for the confirmation."""
+        return self.trials - self.confirm[0] * self.confirm[1]
+
+
+def learn(
+    robot: Robot,
+    optimizer: Optimizer,
+    settings: TrialSettings,
+    budget: Budget,
+    record: Callable[[LoggedTrial], None],
+    history: Sequence[LoggedTrial] = (),
+) -> Iterator[LoggedTrial]:
+    """Learn a gait; yields each trial once it is recorded.
+
+    Only valid trials are observations. A failed one is recorded and its gait tried again.
+
+    Args:
+        robot: with guarded motors.
+        optimizer: fresh; it is told ``history`` first, so a resumed run goes on as it would have.
+        settings: how a trial is run.
+        budget: when to end.
+        record: keeps a trial for good before the next begins.
+        history: the trials that the run already has.
+
+    Raises:
+        KeyboardInterrupt: the operator interrupted a trial; it has been recorded.
+        UserError: several trials in a row have failed: the robot needs a hand.
+        TrialCrashed: the program failed during a trial; it has been recorded.
+    """
+    plan = _Plan(optimizer, budget)
+    for logged in history:
+        plan.remember(logged)
+    failures = 0
+    for number in count(len(history) + 1):
+        if (suggestion := plan.next()) is None:
+            return
+        try:
+            trial = run_trial(robot, suggestion.gait, settings, number)
+        except TrialCrashed as crash:
+            record(LoggedTrial(suggestion, crash.trial, None, None))
+            raise
+        logged = plan.judge(suggestion, trial)
+        record(logged)
+        yield logged
+        failures = 0 if trial.outcome.is_valid else failures + 1
+        _stop_if_hopeless(trial, failures)
+
+
+class _Plan:
+    """Search, then confirmation: what to try next, and what to make of it."""
+
+    def __init__(self, optimizer: Optimizer, budget: Budget) -> None:
+        self._optimizer = optimizer
+        self._budget = budget
+        self._searched = 0
+        self._confirmed = 0
+        self._finalists: tuple[Gait, ...] | None = None
+
+    def remember(self, logged: LoggedTrial) -> None:
+        """Take in a trial that the run already has."""
+        if logged.suggestion.origin == CONFIRMATION:
+            self._begin_confirmation()
+        if logged.score is not None:
+            self._take(logged.suggestion, logged.trial.gait, logged.score)
+
+    def next(self) -> Suggestion | None:
+        """Return what to try next; None at the end."""
+        if self._finalists is None and not self._is_search_over():
+            return self._optimizer.ask()
+        finalists = self._begin_confirmation()
+        if self._confirmed == len(finalists) * self._budget.confirm[1]:
+            return None
+        gait = finalists[self._confirmed % len(finalists)]
+        return Suggestion(gait, CONFIRMATION, self._optimizer.predict([gait])[0])
+
+    def judge(self, suggestion: Suggestion, trial: Trial) -> LoggedTrial:
+        """Score a trial and learn from it, if it measured something."""
+        if not trial.outcome.is_valid:
+            return LoggedTrial(suggestion, trial, None, None)
+        speed_m_s = score(trial, self._budget.score_name)
+        self._take(suggestion, trial.gait, speed_m_s)
+        return LoggedTrial(suggestion, trial, speed_m_s, self._recommend())
+
+    def _is_search_over(self) -> bool:
+        if self._searched >= self._budget.search_trials:
+            return True
+        has_begun, stop_below = self._searched > 0, self._budget.stop_below
+        return has_begun and stop_below > 0.0 and self._optimizer.improvement() < stop_below
+
+    def _begin_confirmation(self) -> tuple[Gait, ...]:
+        """Return the gaits to confirm, chosen once: what is seen of them must not choose them anew."""
+        if self._finalists is None:
+            self._finalists = self._optimizer.promising(self._budget.confirm[0]) if self._budget.confirm[0] else ()
+        return self._finalists
+
+    def _take(self, suggestion: Suggestion, gait: Gait, speed_m_s: float) -> None:
+        self._optimizer.tell(gait, speed_m_s)
+        if suggestion.origin == CONFIRMATION:
+            self._confirmed += 1
+        else:
+            self._searched += 1
+
+    def _recommend(self) -> Recommendation:
+        if not self._finalists:
+            return self._optimizer.recommend()
+        candidates = zip(self._finalists, self._optimizer.predict(self._finalists), strict=True)
+        return Recommendation(*max(candidates, key=lambda candidate: candidate[1].mean))
+
+
+def _stop_if_hopeless(trial: Trial, failures: int) -> None:
+    if trial.outcome is Outcome.INTERRUPTED:
+        raise KeyboardInterrupt(trial.reason)
+    if failures >= _PATIENCE:
+        raise UserError(f"{failures} trials in a row failed, the last one so: {trial.outcome}: {trial.reason}")
+
+
+def source_from(name: str, trials: Sequence[LoggedTrial], score_name: str) -> Source:
+    """Return the valid trials of another run, scored as this run scores.
+
+    Raises:
+        ValueError: it has none, or imported ones that cannot be scored so.
+    """
+    valid = [logged for logged in trials if logged.score is not None]
+    scores = tuple(_score_again(name, logged, score_name) for logged in valid)
+    return Source(name, tuple(logged.trial.gait for logged in valid), scores)
+
+
+def _score_again(name: str, logged: LoggedTrial, score_name: str) -> float:
+    if logged.trial.poses:
+        return score(logged.trial, score_name)
+    # Trials measured elsewhere have a net speed and no path.
+    if logged.score is None or score_name != "net":
+        raise ValueError(f"source {name}: imported trials have a net speed only: leave out --score {score_name}")
+    return logged.score
+
+
+def summary(trials: Sequence[LoggedTrial]) -> dict[str, Any]:
+    """Return what a run found, as plain data: what was seen and what is believed are kept apart."""
+    valid = [logged for logged in trials if logged.score is not None]
+    best = max(valid, key=lambda logged: logged.score or 0.0, default=None)
+    recommendation = valid[-1].recommendation if valid else None
+    return {
+        "trials": len(trials),
+        "outcomes": dict(Counter(logged.trial.outcome.value for logged in trials)),
+        "best_observed": best
+        and {
+            "trial": best.trial.number,
+            "gait_hz": list(best.trial.gait.frequency_hz),
+            "score_m_s": best.score,
+        },
+        "recommended": recommendation
+        and {
+            "gait_hz": list(recommendation.gait.frequency_hz),
+            "mean_m_s": recommendation.estimate.mean,
+            "low_m_s": recommendation.estimate.low,
+            "high_m_s": recommendation.estimate.high,
+        },
+    }

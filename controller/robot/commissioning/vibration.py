@@ -1,0 +1,178 @@
+"""How fast a motor really turns, as the tracker sees it: the robot shakes at the motor's frequency."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from vvvaltr.controller.core.errors import DeviceError, DeviceTimeout, TrackingLost
+from vvvaltr.controller.core.protocols import Tracker
+from vvvaltr.controller.core.values import Gait, MotorState, Pose
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from vvvaltr.controller.robot.hardware import JoinedMotors
+
+T = TypeVar("T")
+
+_LOOK_PERIOD_S, _DRIVE_PERIOD_S, _HOLD_S = 0.005, 0.04, 0.25
+_ATTEMPTS, _HELD_UP_S, _PATIENCE_S = 3, 0.1, 10.0
+_GAP = 3.5  # of the usual time between two poses: what is longer spoils the spectrum
+_LEAST_HZ = 1.0  # slower movement is the robot's walk
+_BINS = 8192
+_SHARE_OF_NYQUIST = 0.96
+
+
+@dataclass(frozen=True, slots=True)
+class Shaking:
+    """The spectrum of a robot's movement.
+
+    Args:
+        frequency_hz: (frequencies,) of the lines of the spectrum.
+        amplitude: (frequencies, coordinates), complex, in units of each coordinate's noise.
+    """
+
+    frequency_hz: NDArray[np.float64]
+    amplitude: NDArray[np.complex128]
+
+    @property
+    def limit_hz(self) -> float:
+        """The fastest vibration that the tracker can follow."""
+        return float(_SHARE_OF_NYQUIST * self.frequency_hz[-1])
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """The strongest vibration.
+
+    Args:
+        frequency_hz: how fast.
+        clarity: its amplitude over the spectrum's median; noise alone reaches 1.3, of one shape 3.
+        shape: (coordinates,) how the robot moves with it, complex, of length 1.
+    """
+
+    frequency_hz: float
+    clarity: float
+    shape: NDArray[np.complex128]
+
+
+def watch(motors: JoinedMotors, tracker: Tracker, gait: Gait, settle_s: float, duration_s: float) -> list[Pose]:
+    """Drive ``gait`` and return the poses of ``duration_s``, after ``settle_s``. The motors are stopped after it.
+
+    A look during which this computer was held up, or the poses had a gap, is no measurement: it is made again.
+
+    Raises:
+        DeviceError: a device failed, or the computer is held up again and again.
+        TrackingLost: the tracker lost the robot, or its poses have gaps again and again.
+    """
+    gap_s = 0.0
+    for _ in range(_ATTEMPTS):
+        seen = _seen(motors, gait, settle_s, duration_s, tracker.pose)
+        poses = [pose for number, pose in enumerate(seen) if number == 0 or pose != seen[number - 1]]
+        apart_s = np.diff([pose.t_s for pose in poses])
+        gap_s = max(apart_s, default=0.0)
+        if len(poses) < 2 or gap_s < _GAP * np.median(apart_s):
+            return poses
+    raise TrackingLost(f"the poses come with gaps of {gap_s:.2f} s, too long to see a vibration in")
+
+
+def applied(motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float) -> list[MotorState]:
+    """Drive ``gait`` and return what the motors did for ``duration_s``, after ``settle_s``. Else as ``watch``."""
+    return _seen(motors, gait, settle_s, duration_s, motors.state)
+
+
+def _seen(motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float, look: Callable[[], T]) -> list[T]:
+    """Return what ``look`` saw in a time in which this computer was not held up."""
+    pace = _Pace()
+    for _ in range(_ATTEMPTS):
+        pace = _Pace()
+        try:
+            seen = _drive(motors, gait, settle_s, duration_s, look, pace)
+        except (DeviceError, TrackingLost):
+            if not pace.was_held_up:
+                raise
+            motors.ready(_PATIENCE_S)
+        else:
+            if not pace.was_held_up:
+                return seen
+    raise DeviceTimeout(f"this computer was held up for {pace.longest_s:.2f} s and more; is it too busy?")
+
+
+@dataclass(slots=True)
+class _Pace:
+    """How far apart, at most, the program's own turns were."""
+
+    last_s: float = math.inf
+    longest_s: float = 0.0
+
+    def turn(self) -> float:
+        """Take note of a turn and return its time."""
+        now_s = time.monotonic()
+        self.longest_s = max(self.longest_s, now_s - self.last_s)
+        self.last_s = now_s
+        return now_s
+
+    @property
+    def was_held_up(self) -> bool:
+        """Whether set-points may have run out meanwhile."""
+        return self.longest_s > _HELD_UP_S
+
+
+def _drive(
+    motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float, look: Callable[[], T], pace: _Pace
+) -> list[T]:
+    """Drive ``gait``, and look often once it has settled."""
+    seen = []
+    begin_s = next_drive_s = pace.turn()
+    try:
+        while (now_s := pace.turn()) < begin_s + settle_s + duration_s:
+            if now_s >= next_drive_s:
+                motors.drive(gait, _HOLD_S)
+                motors.state()
+                next_drive_s += _DRIVE_PERIOD_S
+            if now_s >= begin_s + settle_s:
+                seen.append(look())
+            time.sleep(_LOOK_PERIOD_S)
+    finally:
+        pace.turn()
+        motors.stop()
+    return seen
+
+
+def shaking(poses: list[Pose]) -> Shaking:
+    """Return the spectrum of the movement in ``poses``. Raises TrackingLost for too few of them."""
+    if len(poses) < 20:
+        raise TrackingLost(f"only {len(poses)} poses came, too few to see a vibration in")
+    t_s = np.array([pose.t_s for pose in poses])
+    grid_s = np.linspace(t_s[0], t_s[-1], len(t_s))
+    seen = np.array([_coordinates(pose) for pose in poses])
+    even = np.stack([np.interp(grid_s, t_s, column) for column in seen.T], axis=1)
+    still = even - np.polynomial.polynomial.polyval(grid_s, np.polynomial.polynomial.polyfit(grid_s, even, 1)).T
+    scaled = still / (np.std(np.diff(still, axis=0), axis=0) + 1e-12)
+    rate_hz = (len(t_s) - 1) / (t_s[-1] - t_s[0])
+    amplitude = np.fft.rfft(scaled * np.hanning(len(t_s))[:, None], _BINS, axis=0)
+    return Shaking(np.fft.rfftfreq(_BINS, 1.0 / rate_hz), amplitude)
+
+
+def strongest(seen: Shaking, low_hz: float, high_hz: float, like: Peak | None = None) -> Peak:
+    """Return the strongest vibration between two frequencies; of the shape of ``like``, which finds weaker ones."""
+    power = np.sum(np.abs(seen.amplitude) ** 2, axis=1)
+    if like is not None:
+        power = np.abs(seen.amplitude @ like.shape.conj()) ** 2
+    high_hz = min(high_hz, seen.limit_hz)
+    walk = seen.frequency_hz < _LEAST_HZ
+    within = (seen.frequency_hz >= max(low_hz, _LEAST_HZ)) & (seen.frequency_hz <= high_hz)
+    line = int(np.argmax(np.where(within, power, -1.0)))
+    shape = seen.amplitude[line] / (np.linalg.norm(seen.amplitude[line]) + 1e-300)
+    return Peak(float(seen.frequency_hz[line]), math.sqrt(power[line] / np.median(power[~walk])), shape)
+
+
+def _coordinates(pose: Pose) -> list[float]:
+    angles = [pose.yaw_rad, pose.pitch_rad, pose.roll_rad]
+    return [*pose.position_m, *angles, *(value for marker in pose.markers_m for value in marker)]

@@ -1,0 +1,111 @@
+"""Puts a robot together from what was asked for: a twin in its condition, or hardware from its file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from vvvaltr.controller.core.errors import UserError, one_line_errors
+from vvvaltr.controller.loop.safety import GuardedRobot, Limits
+from vvvaltr.controller.loop.trial_runner import TrialSettings
+from vvvaltr.controller.robot.choice import RobotChoice, option
+
+if TYPE_CHECKING:
+    from vvvaltr.twin.robot import TwinRobot
+
+TWINS = {"planar": "prism3", "spatial": "icosahedron6"}
+"""The twins, each with its usual body."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """A robot ready for trials.
+
+    Args:
+        robot: with guarded motors; to be closed after use.
+        settings: how its trials are run unless something else is asked for.
+        range_hz: the frequencies to search unless others are asked for.
+    """
+
+    robot: GuardedRobot
+    settings: TrialSettings
+    range_hz: tuple[float, float]
+
+
+def choose_robot(asked: dict[str, Any]) -> RobotChoice:
+    """Return the complete choice for what was asked, keyed as in RobotChoice.
+
+    Raises:
+        UserError: there is no such robot, or its file is bad.
+    """
+    name = asked.get("name", "planar")
+    if name in TWINS:
+        usual = {"body": TWINS[name], "law": "eccentric", "world": "flat", "damage": ()}
+        with one_line_errors():
+            return _explicit(RobotChoice(**{**usual, **asked, "name": name}))
+    if not name.endswith(".toml"):
+        raise UserError(_unknown(name))
+    if condition := [key for key in asked if key != "name"]:
+        raise UserError(
+            f"{option(condition[0])}: only a twin's can be chosen, and {name} is a real robot; leave it out"
+        )
+    from vvvaltr.controller.robot.robot_file import load_robot_file
+
+    return RobotChoice(name=name, file=msgspec.to_builtins(load_robot_file(Path(name))))
+
+
+def _unknown(name: str) -> str:
+    return f"robot {name!r} is unknown: say {', '.join(TWINS)}, or name a robot's file, FILE.toml"
+
+
+def _explicit(choice: RobotChoice) -> RobotChoice:
+    """Return the choice of a twin with its world's gravity and friction written out."""
+    from vvvaltr.twin.world import world_named
+
+    world = world_named(choice.world or "flat", choice.gravity_m_s2, choice.friction)
+    return msgspec.structs.replace(choice, gravity_m_s2=world.gravity_m_s2, friction=world.friction)
+
+
+def open_rig(choice: RobotChoice, seed: int) -> Rig:
+    """Open the robot.
+
+    Raises:
+        UserError: the choice is impossible.
+        DeviceError: the hardware does not answer as it should.
+    """
+    with one_line_errors():
+        return _open_twin(choice, seed) if choice.is_twin else _open_hardware(choice)
+
+
+def make_twin(choice: RobotChoice, seed: int) -> TwinRobot:
+    """Return the twin that ``choice`` describes, without a guard. Raises ValueError if there is none."""
+    from vvvaltr.twin import robot
+    from vvvaltr.twin.world import world_named
+
+    if choice.name not in TWINS:
+        raise ValueError(_unknown(choice.name))
+    make: Callable[..., TwinRobot] = getattr(robot, f"{choice.name}_robot")
+    return make(
+        body=choice.body or TWINS[choice.name],
+        world=world_named(choice.world or "flat", choice.gravity_m_s2, choice.friction),
+        damage=choice.damage or (),
+        law=choice.law or "eccentric",
+        seed=seed,
+    )
+
+
+def _open_twin(choice: RobotChoice, seed: int) -> Rig:
+    twin = make_twin(choice, seed)
+    return Rig(GuardedRobot(twin, Limits(twin.max_hz)), TrialSettings(), twin.range_hz)
+
+
+def _open_hardware(choice: RobotChoice) -> Rig:
+    from vvvaltr.controller.robot.hardware import open_hardware
+    from vvvaltr.controller.robot.robot_file import robot_file_from
+
+    config = robot_file_from(choice.file or {}, choice.name)
+    return Rig(GuardedRobot(open_hardware(config), config.limits), config.trial_settings, config.range_hz)

@@ -1,0 +1,141 @@
+"""What a run was asked to do: `run.toml`, everything needed to repeat it."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import tomli_w
+
+from vvvaltr.controller.core.disk import write_whole
+from vvvaltr.controller.core.document import typed
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.robot.choice import RobotChoice, option
+from vvvaltr.controller.loop.scoring import SCORES
+from vvvaltr.controller.core.values import Quantity
+
+FORMAT = 1
+
+_BOUNDS = {"seed": (0, math.inf), "trials": (1, math.inf), "duration_s": (0.1, 3600), "stop_below_m_s": (0, math.inf)}
+
+
+class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=False):
+    """A run of learning.
+
+    Args:
+        robot: on what.
+        method: the optimiser's name.
+        sources: runs to learn from, as they were named.
+        seed: of every random stream.
+        trials: valid trials to make.
+        duration_s: of each.
+        score: the score's name.
+        optimise: the searched quantities.
+        range_hz: the searched frequencies, lowest and highest, of every motor.
+        confirm: how many promising gaits the last trials repeat, and how often each.
+        stop_below_m_s: the search ends when a trial is expected to gain less than this.
+        format: version of this file's layout.
+    """
+
+    robot: RobotChoice
+    method: str
+    sources: tuple[str, ...]
+    seed: int
+    trials: int
+    duration_s: float
+    score: str
+    optimise: tuple[str, ...]
+    range_hz: tuple[float, float]
+    confirm: tuple[int, int] = (0, 0)
+    stop_below_m_s: float = 0.0
+    format: int = FORMAT
+
+
+def check_config(config: RunConfig, spell: Callable[[str], str] = str) -> None:
+    """Raise ValueError for a value that no run can have; ``spell`` says what its key is called there."""
+    for key, (low, high) in _BOUNDS.items():
+        value = getattr(config, key)
+        if not (low <= value <= high and value < math.inf):
+            allowed = f"{low:g} to {high:g}" if high < math.inf else f"a finite number, {low:g} or more"
+            raise ValueError(f"{spell(key)} is {value:g}; allowed: {allowed}")
+    if config.score not in SCORES:
+        raise ValueError(f"{spell('score')} is {config.score!r}; allowed: {', '.join(SCORES)}")
+    if wrong := set(config.optimise) - set(Quantity):
+        raise ValueError(f"{spell('optimise')}: {min(wrong)!r} is unknown; allowed: {', '.join(Quantity)}")
+    if Quantity.FREQUENCY not in config.optimise or len(set(config.optimise)) < len(config.optimise):
+        raise ValueError(f"{spell('optimise')}: frequency must be among what is searched, and each quantity named once")
+    if min(config.confirm) < 0:
+        raise ValueError(f"{spell('confirm')} is {list(config.confirm)}; allowed: 0 or more")
+    low_hz, high_hz = config.range_hz
+    if not low_hz < high_hz:  # nor if one is no number
+        raise ValueError(f"{spell('range_hz')} {low_hz:g} {high_hz:g} is empty: give the lower frequency first")
+
+
+def save_config(config: RunConfig, path: Path) -> None:
+    """Write ``config`` as TOML; what is None is left out. Raises OSError."""
+    write_whole(path, tomli_w.dumps(_without_none(msgspec.to_builtins(config))))
+
+
+def load_config(run: Path) -> RunConfig:
+    """Read the configuration of the run in directory ``run``.
+
+    Raises:
+        UserError: there is none, or it cannot be understood.
+    """
+    path = run / "run.toml"
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise UserError(f"{run} is no run: it has no run.toml (imported trials are learned from by --source)") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None
+    if "format" not in content:
+        raise UserError(f"{path}: format is missing; restore the file as the run wrote it")
+    if content["format"] != FORMAT:
+        raise UserError(f"{path}: format {content['format']} is not {FORMAT}; use the vvvaltr that wrote the run")
+    try:
+        config = typed(content, RunConfig, str(path))
+        check_config(config, lambda key: f"{path}: {key}")
+    except (UserError, ValueError) as error:
+        raise UserError(f"{error}; restore the file as the run wrote it") from None
+    return config
+
+
+def refuse_difference(config: RunConfig, asked: dict[str, Any]) -> None:
+    """Raise UserError, naming the first difference, if ``asked`` is not what ``config`` says.
+
+    ``asked`` holds only what was asked for; ``robot`` is a mapping of its own. A greater number of trials is no
+    difference: it prolongs the run, unless that ends with a confirmation.
+    """
+    stored = msgspec.to_builtins(config)
+    wanted = {**asked.pop("robot", {}), **asked}
+    for key, value in msgspec.to_builtins(wanted).items():
+        has = stored["robot"].get(key) if key in stored["robot"] else stored.get(key)
+        if key == "trials" and value >= config.trials and not any(config.confirm):
+            continue
+        if has != value:
+            had, wished = _as_typed(key, has), _as_typed(key, value)
+            raise UserError(
+                f"{option(key)}: the run has {had}, but {wished} was asked for; drop it, or start a new run (--out)"
+            )
+
+
+def _as_typed(key: str, value: Any) -> str:
+    """Return a value as the command line writes it."""
+    if key == "confirm":
+        return "x".join(map(str, value))
+    if key == "stop_below_m_s":
+        return f"{1000.0 * value:g}"
+    if isinstance(value, list | tuple):
+        return ("," if key == "optimise" else " ").join(map(str, value)) or "none"
+    return "none" if value is None else str(value)
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    return value

@@ -1,0 +1,267 @@
+"""The log of a run: one append-only MCAP file that holds everything needed to resume, score again, view or transfer it.
+
+Each trial is one chunk, written and synced whole, so that a SIGKILL or a power cut loses at most the trial in progress.
+docs/log.md describes the file for other programs.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any, Self, cast
+
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from google.protobuf.message import DecodeError, Message
+from mcap.writer import CompressionType, Writer
+
+from vvvaltr.controller.core.disk import sync_folder
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.runs.schema import codec
+from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
+from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, NewFile, TornFile, entries, lock, register
+from vvvaltr.controller.core.values import Command, MotorState, Pose, Recommendation, Source, Structure, Suggestion, Trial
+
+LOG_NAME = "trials.mcap"
+FORMAT = 1
+_KINDS: dict[str, type[Message]] = {
+    "/run": pb.Run,
+    "/optimizer/suggestion": pb.Suggestion,
+    "/robot/pose": PoseInFrame,
+    "/robot/tracking": pb.Tracking,
+    "/motors/command": pb.Command,
+    "/motors/state": pb.MotorState,
+    "/trial": pb.Trial,
+}
+
+_Timed = tuple[str, int, Message]  # topic, log time in ns since 1970, message
+
+
+class RunLog:
+    """The log of a run, open for appending. One process at a time writes to a log."""
+
+    def __init__(self, disk: NewFile, head: Run) -> None:
+        self._disk = disk
+        # Uncompressed, so that no file can unpack to more than its size; a chunk ends only where `_write` flushes it.
+        self._writer = Writer(cast(IO[Any], disk), chunk_size=1 << 60, compression=CompressionType.NONE)
+        self._writer.start()
+        self._channels = {topic: register(self._writer, topic, kind) for topic, kind in _KINDS.items()}
+        self._end_ns = 0  # of the last trial
+        begin_ns = _ns(head.trials[0].trial.started_unix_s) if head.trials else time.time_ns()
+        self._write([("/run", begin_ns, codec.run_message(FORMAT, head.structure, head.sources))])
+        for logged in head.trials:
+            self._write(self._messages(logged))
+        disk.sync()
+
+    @classmethod
+    def create(cls, path: Path, structure: Structure | None, sources: Sequence[Source] = ()) -> Self:
+        """Begin a new log.
+
+        Raises:
+            FileExistsError: there is a file at ``path`` already; it is not touched.
+            OSError: the file cannot be written.
+        """
+        disk = NewFile(path)
+        try:
+            log = cls(disk, Run(structure, tuple(sources)))
+            sync_folder(path)
+        except BaseException:
+            disk.close()
+            path.unlink()
+            raise
+        return log
+
+    @classmethod
+    def recover(cls, path: Path) -> tuple[Self, Run]:
+        """Open a finished or torn log to go on with it, and return it with what it holds.
+
+        The complete trials are written to a new file, which then takes the place of the old one in one step. Where the
+        old one ended in the middle of a trial, a copy of it is left beside the new one, with the ending ``.torn``.
+
+        Raises:
+            UserError: the file is no log of a run, is damaged, or is being written by another process.
+            OSError: the new file cannot be written; the old one is as it was.
+        """
+        with _open(path) as file:
+            lock(file, path)
+            run, torn = _parse(file.read(), path)
+            if torn:
+                shutil.copyfile(path, path.with_name(path.name + ".torn"))
+            return cls._replacing(path, run), run
+
+    @classmethod
+    def _replacing(cls, path: Path, run: Run) -> Self:
+        fresh = path.with_name(path.name + ".new")
+        fresh.unlink(missing_ok=True)
+        disk = NewFile(fresh)
+        try:
+            log = cls(disk, run)
+            os.replace(fresh, path)
+            sync_folder(path)
+        except BaseException:
+            disk.close()
+            fresh.unlink(missing_ok=True)
+            raise
+        return log
+
+    def append(self, logged: LoggedTrial) -> None:
+        """Write everything of one trial, and return once it is on the disk.
+
+        Raises:
+            ValueError: the log is closed, or the trial holds what no message can hold; nothing is written.
+            OSError: the disk failed; the log is closed, and what it held before can be recovered.
+        """
+        if self._disk.closed:
+            raise ValueError("the log is closed")
+        messages = self._messages(logged)
+        try:
+            self._write(messages)
+            self._disk.sync()
+        except BaseException:
+            # Half a trial may be written: nothing must follow it, or the file would be damaged instead of torn.
+            self._disk.close()
+            raise
+
+    def close(self) -> None:
+        """Finish the file, so that every MCAP program can read it. Idempotent; does nothing after a failed ``append``.
+
+        Raises:
+            OSError: the disk failed; the trials are safe.
+        """
+        if self._disk.closed:
+            return
+        try:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._disk.sync()
+        finally:
+            self._disk.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _messages(self, logged: LoggedTrial) -> list[_Timed]:
+        trial = logged.trial
+        origin_ns, end_ns = trial_span_ns(trial, after_ns=self._end_ns)
+        messages: list[_Timed] = [("/optimizer/suggestion", origin_ns, codec.suggestion_message(logged.suggestion))]
+        for pose in trial.poses:
+            at_ns = origin_ns + _ns(pose.t_s)
+            messages.append(("/robot/tracking", at_ns, codec.tracking_message(pose)))
+            if pose.is_finite:
+                messages.append(("/robot/pose", at_ns, codec.pose_message(pose, at_ns)))
+        messages += [
+            ("/motors/command", origin_ns + _ns(each.t_s), codec.command_message(each)) for each in trial.commands
+        ]
+        messages += [("/motors/state", origin_ns + _ns(each.t_s), codec.state_message(each)) for each in trial.states]
+        messages.append(("/trial", end_ns, codec.trial_message(trial, logged.score, logged.recommendation)))
+        self._end_ns = end_ns
+        return messages
+
+    def _write(self, messages: Iterable[_Timed]) -> None:
+        """Write messages as one chunk."""
+        for topic, at_ns, message in messages:
+            self._writer.add_message(self._channels[topic], at_ns, message.SerializeToString(), at_ns)
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+
+def trial_span_ns(trial: Trial, after_ns: int) -> tuple[int, int]:
+    """Return where a trial begins and ends in its log, in nanoseconds since 1970.
+
+    A twin runs faster than real time: a trial begins when it did or where the last one ended (``after_ns``), whichever
+    is later, or the log would fold over.
+    """
+    begin_ns = max(_ns(trial.started_unix_s), after_ns)
+    recorded: Iterable[Pose | Command | MotorState] = (*trial.poses, *trial.commands, *trial.states)
+    return begin_ns, begin_ns + _ns(max((trial.duration_s, *(each.t_s for each in recorded))))
+
+
+def read_run(path: Path) -> Run:
+    """Return what a log holds, from the file or from the directory of its run. A torn log gives its complete trials.
+
+    Raises:
+        UserError: the file is not there, is no log of a run, is damaged, or was written by a newer version.
+    """
+    path = path / LOG_NAME if path.is_dir() else path
+    with _open(path) as file:
+        return _parse(file.read(), path)[0]
+
+
+def _parse(data: bytes, path: Path) -> tuple[Run, bool]:
+    """Return what the bytes of a log hold, and whether they stop in the middle of something."""
+    contents = _Contents(path)
+    torn = False
+    try:
+        for topic, payload in entries(data):
+            contents.take(topic, payload)
+    except TornFile:
+        torn = True
+    except (DamagedFile, DecodeError, ValueError) as error:
+        raise UserError(f"{path} is damaged ({error}): restore a copy of it, or begin a new run") from error
+    return contents.run(), torn
+
+
+@dataclass(slots=True)
+class _Contents:
+    """What has been read of a log so far."""
+
+    path: Path
+    head: tuple[Structure | None, tuple[Source, ...]] | None = None
+    suggestion: Suggestion | None = None
+    poses: list[Pose] = field(default_factory=list)
+    commands: list[Command] = field(default_factory=list)
+    states: list[MotorState] = field(default_factory=list)
+    trials: list[LoggedTrial] = field(default_factory=list)
+
+    def take(self, topic: str, payload: bytes) -> None:
+        """Add one message. What other programs have put on topics of their own is passed over."""
+        match topic:
+            case "/run":
+                self._begin(pb.Run.FromString(payload))
+            case "/optimizer/suggestion":
+                self.suggestion = codec.suggestion_from(pb.Suggestion.FromString(payload))
+            case "/robot/tracking":
+                self.poses.append(codec.tracking_from(pb.Tracking.FromString(payload)))
+            case "/motors/command":
+                self.commands.append(codec.command_from(pb.Command.FromString(payload)))
+            case "/motors/state":
+                self.states.append(codec.state_from(pb.MotorState.FromString(payload)))
+            case "/trial":
+                self._end_trial(pb.Trial.FromString(payload))
+
+    def run(self) -> Run:
+        """Return what has been read, without a trial that has no end."""
+        if self.head is None:
+            raise UserError(f"{self.path} holds no run: give the log of one, or begin the run again")
+        return Run(*self.head, tuple(self.trials))
+
+    def _begin(self, message: pb.Run) -> None:
+        if message.format > FORMAT:
+            raise UserError(
+                f"{self.path} has log format {message.format}, but this version reads up to {FORMAT}: upgrade vvvaltr"
+            )
+        self.head = codec.run_from(message)
+
+    def _end_trial(self, message: pb.Trial) -> None:
+        if self.suggestion is None:
+            raise ValueError(f"trial {message.number} has no suggestion")
+        trial = codec.trial_from(message, self.poses, self.commands, self.states)
+        score, recommendation = codec.result_from(message)
+        self.trials.append(LoggedTrial(self.suggestion, trial, score, recommendation))
+        self.suggestion, self.poses, self.commands, self.states = None, [], [], []
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1e9)
+
+
+def _open(path: Path) -> IO[bytes]:
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}: name the directory of a run, or its {LOG_NAME}") from error

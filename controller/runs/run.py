@@ -1,0 +1,202 @@
+"""A run on disk: `run.toml`, `trials.mcap`, `summary.json`; made, learned on, resumed, read back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
+from vvvaltr.controller.core.errors import one_line_errors
+from vvvaltr.controller.core.disk import new_folder, write_whole
+from vvvaltr.controller.core.protocols import Optimizer
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.loop.learn import Budget, learn, source_from, summary
+from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
+from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.runs.config import RunConfig, check_config, load_config, refuse_difference, save_config
+from vvvaltr.controller.robot.choice import option
+from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity, Source
+from vvvaltr.transfer.methods.registry import make_optimizer
+
+
+class RunDirectory:
+    """One run, open for learning: its robot and its log are open."""
+
+    def __init__(self, path: Path, config: RunConfig, rig: Rig, optimizer: Optimizer, log: RunLog, logged: Run) -> None:
+        self.path = path
+        self.config = config
+        self.optimizer = optimizer
+        self.space = search_space(config, rig.robot.motors.motor_count)
+        self.trials = list(logged.trials)
+        self._rig = rig
+        self._log = log
+        self._head = logged
+
+    @classmethod
+    def create(cls, path: Path, asked: dict[str, Any]) -> RunDirectory:
+        """Begin a new run in ``path`` with what was asked for, keyed as in RunConfig.
+
+        Raises:
+            UserError: something asked for is impossible, or ``path`` exists; nothing has been written.
+            DeviceError: the robot cannot be opened.
+        """
+        if not path.name:
+            raise UserError("--out names no new directory: give it a name, as in runs/mine, or leave it out")
+        _refuse_existing(path)
+        score_name = asked.get("score", "net")
+        sources = tuple(load_source(Path(name), score_name) for name in asked.get("sources", ()))
+        choice = choose_robot(asked.get("robot", {}))
+        rig = open_rig(choice, asked.get("seed", 0))
+        with ExitStack() as undo:
+            undo.callback(rig.robot.close)
+            config = _complete({**asked, "robot": choice}, rig)
+            optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
+            logged = Run(rig.robot.structure, sources, ())
+            log = _begin(path, config, logged)
+            undo.pop_all()
+        return cls(path, config, rig, optimizer, log, logged)
+
+    @classmethod
+    def resume(cls, path: Path, asked: dict[str, Any]) -> RunDirectory:
+        """Open the run in ``path`` to go on with it; a torn log is recovered.
+
+        Raises:
+            UserError: there is no run, or it differs from what was asked for; nothing has been written.
+            DeviceError: the robot cannot be opened.
+        """
+        stored = load_config(path)
+        refuse_difference(stored, asked)
+        config = msgspec.structs.replace(stored, trials=asked.get("trials", stored.trials))
+        sources = read_run(path / LOG_NAME).sources
+        with _errors_of(path / "run.toml"):
+            _budget(config)
+            rig = open_rig(config.robot, config.seed)
+        with ExitStack() as undo:
+            undo.callback(rig.robot.close)
+            with _errors_of(path / "run.toml"):
+                _check_motors(config, rig, str)
+                optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
+            log, logged = RunLog.recover(path / LOG_NAME)
+            if config != stored:
+                save_config(config, path / "run.toml")
+            undo.pop_all()
+        return cls(path, config, rig, optimizer, log, logged)
+
+    @property
+    def logged(self) -> Run:
+        """What the log holds."""
+        return replace(self._head, trials=tuple(self.trials))
+
+    def learn(self) -> Iterator[LoggedTrial]:
+        """Make the trials that are still to be made; see ``vvvaltr.controller.loop.learn.learn`` for what is raised."""
+        settings = replace(self._rig.settings, duration_s=self.config.duration_s)
+        return learn(self._rig.robot, self.optimizer, settings, _budget(self.config), self._record, tuple(self.trials))
+
+    def summarise(self) -> dict[str, Any]:
+        """Write `summary.json` and return what is in it."""
+        about = {"run": str(self.path), "robot": self.config.robot.name, "method": self.config.method}
+        result = {**about, **summary(self.trials)}
+        write_whole(self.path / "summary.json", json.dumps(result, indent=2) + "\n")
+        return result
+
+    def close(self) -> None:
+        """Stop the motors, let go of the robot and close the log."""
+        with closing(self._log), closing(self._rig.robot):
+            pass
+
+    def _record(self, logged: LoggedTrial) -> None:
+        self._log.append(logged)
+        self.trials.append(logged)
+
+
+def load_source(path: Path, score_name: str) -> Source:
+    """Return the valid trials of another run (its directory or its log), scored by the score named ``score_name``.
+
+    Raises:
+        UserError: it is no run, or has no valid trial.
+    """
+    log = path / LOG_NAME if path.is_dir() else path
+    with one_line_errors():
+        return source_from(str(path), read_run(log).trials, score_name)
+
+
+def search_space(config: RunConfig, motor_count: int) -> GaitSpace:
+    """Return the gaits that the run searches."""
+    return GaitSpace.over(motor_count, *config.range_hz, tuple(map(Quantity, config.optimise)))
+
+
+def build_optimizer(config: RunConfig, motor_count: int, sources: Sequence[Source]) -> Optimizer:
+    """Return the run's optimiser before its first trial. Raises UserError if method, sources and space do not fit."""
+    with one_line_errors():
+        return make_optimizer(config.method, search_space(config, motor_count), config.seed, sources)
+
+
+def _budget(config: RunConfig) -> Budget:
+    with one_line_errors():
+        return Budget(config.trials, config.score, config.confirm, config.stop_below_m_s)
+
+
+@contextmanager
+def _errors_of(path: Path) -> Iterator[None]:
+    """Name the file that is to blame for what is wrong."""
+    try:
+        yield
+    except (UserError, ValueError) as error:
+        raise UserError(f"{path}: {error}") from None
+
+
+def _refuse_existing(path: Path) -> None:
+    if path.exists():
+        raise UserError(f"{path} exists: choose another --out, or go on with it by --resume {path}")
+
+
+def _begin(path: Path, config: RunConfig, head: Run) -> RunLog:
+    """Make the directory, with configuration and log, in one step: a killed program leaves no half of a run."""
+    with ExitStack() as undo:
+        try:
+            with new_folder(path) as fresh:
+                save_config(config, fresh / "run.toml")
+                log = undo.enter_context(RunLog.create(fresh / LOG_NAME, head.structure, head.sources))
+        except OSError as error:
+            _refuse_existing(path)  # made meanwhile, by another process
+            raise UserError(f"{path} cannot be made: {error.strerror}; choose another --out, or make room") from error
+        undo.pop_all()
+    return log
+
+
+def _complete(asked: dict[str, Any], rig: Rig) -> RunConfig:
+    """Return the whole configuration: what was asked for, and the defaults."""
+    usual = {
+        "method": "guarded" if asked.get("sources") else "plain",
+        "sources": (),
+        "seed": 0,
+        "trials": 40,
+        "duration_s": rig.settings.duration_s,
+        "score": "net",
+        "optimise": (Quantity.FREQUENCY.value,),
+        "range_hz": rig.range_hz,
+    }
+    config = RunConfig(**{**usual, **asked})
+    with one_line_errors():
+        check_config(config, option)
+        _budget(config)
+        _check_motors(config, rig, option)
+    return config
+
+
+def _check_motors(config: RunConfig, rig: Rig, spell: Callable[[str], str]) -> None:
+    """Raise ValueError for what the robot's motors cannot do; ``spell`` as in ``check_config``."""
+    motors = rig.robot.motors
+    try:
+        for frequency_hz in config.range_hz:
+            rig.robot.limits.check(Gait((frequency_hz,) * motors.motor_count))
+    except ValueError as error:
+        raise ValueError(f"{spell('range_hz')}: {error}") from None
+    if unable := set(config.optimise) - motors.quantities:
+        raise ValueError(f"{spell('optimise')}: the motors of {config.robot.name} cannot set their {min(unable)}")

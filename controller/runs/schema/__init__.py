@@ -1,0 +1,1 @@
+"""The log's messages and the MCAP file that holds them."""

@@ -1,0 +1,259 @@
+"""Nouns to messages and back, without loss: what is read equals what was written.
+
+Each ``..._from`` raises ValueError where a message holds what no run writes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import chain
+from math import cos, sin
+
+from foxglove_schemas_protobuf.Pose_pb2 import Pose as FoxglovePose
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
+from vvvaltr.controller.core.values import Command, Estimate, Forces, Gait, MotorState, Outcome, Pose, Recommendation, Source, Structure, Suggestion, Terrain, Trial, Vector
+
+
+def gait_message(gait: Gait) -> pb.Gait:
+    """Return the message of a gait."""
+    return pb.Gait(frequency_hz=gait.frequency_hz, phase_rad=gait.phase_rad, amplitude=gait.amplitude)
+
+
+def gait_from(message: pb.Gait) -> Gait:
+    """Return the gait of a message."""
+    return Gait(tuple(message.frequency_hz), tuple(message.phase_rad), tuple(message.amplitude))
+
+
+def _estimate_message(estimate: Estimate) -> pb.Estimate:
+    return pb.Estimate(mean_m_s=estimate.mean, low_m_s=estimate.low, high_m_s=estimate.high)
+
+
+def _estimate_from(message: pb.Estimate) -> Estimate:
+    return Estimate(message.mean_m_s, message.low_m_s, message.high_m_s)
+
+
+def _structure_message(structure: Structure) -> pb.Structure:
+    terrain = structure.terrain
+    return pb.Structure(
+        struts=[pb.Edge(first=first, second=second) for first, second in structure.struts],
+        springs=[pb.Edge(first=first, second=second) for first, second in structure.springs],
+        motor_struts=structure.motor_struts,
+        terrain=None
+        if terrain is None
+        else pb.Terrain(x_m=terrain.x_m, y_m=terrain.y_m, height_m=chain.from_iterable(terrain.height_m)),
+    )
+
+
+def _structure_from(message: pb.Structure) -> Structure:
+    return Structure(
+        tuple((edge.first, edge.second) for edge in message.struts),
+        tuple((edge.first, edge.second) for edge in message.springs),
+        tuple(message.motor_struts),
+        _terrain_from(message.terrain) if message.HasField("terrain") else None,
+    )
+
+
+def _terrain_from(message: pb.Terrain) -> Terrain:
+    columns = len(message.y_m)
+    if len(message.height_m) != len(message.x_m) * columns:
+        raise ValueError(f"{len(message.height_m)} heights on a grid of {len(message.x_m)} by {columns}")
+    rows = (tuple(message.height_m[row * columns : (row + 1) * columns]) for row in range(len(message.x_m)))
+    return Terrain(tuple(message.x_m), tuple(message.y_m), tuple(rows))
+
+
+def run_message(version: int, structure: Structure | None, sources: Sequence[Source]) -> pb.Run:
+    """Return the message that begins a log of the given format version."""
+    return pb.Run(
+        format=version,
+        structure=None if structure is None else _structure_message(structure),
+        sources=[
+            pb.Source(name=source.name, gaits=map(gait_message, source.gaits), scores_m_s=source.scores)
+            for source in sources
+        ],
+    )
+
+
+def run_from(message: pb.Run) -> tuple[Structure | None, tuple[Source, ...]]:
+    """Return how the robot is built and what the run learns from."""
+    structure = _structure_from(message.structure) if message.HasField("structure") else None
+    sources = (Source(it.name, tuple(map(gait_from, it.gaits)), tuple(it.scores_m_s)) for it in message.sources)
+    return structure, tuple(sources)
+
+
+def suggestion_message(suggestion: Suggestion) -> pb.Suggestion:
+    """Return the message of a suggestion."""
+    return pb.Suggestion(
+        gait=gait_message(suggestion.gait),
+        origin=suggestion.origin,
+        expected=None if suggestion.expected is None else _estimate_message(suggestion.expected),
+        hyperparameters=suggestion.hyperparameters,
+    )
+
+
+def suggestion_from(message: pb.Suggestion) -> Suggestion:
+    """Return the suggestion of a message."""
+    expected = _estimate_from(message.expected) if message.HasField("expected") else None
+    return Suggestion(gait_from(message.gait), message.origin, expected, dict(message.hyperparameters))
+
+
+def tracking_message(pose: Pose) -> pb.Tracking:
+    """Return the message of a pose, with all that is known of it."""
+    x_m, y_m, z_m = pose.position_m
+    return pb.Tracking(
+        t_s=pose.t_s,
+        x_m=x_m,
+        y_m=y_m,
+        z_m=z_m,
+        yaw_rad=pose.yaw_rad,
+        pitch_rad=pose.pitch_rad,
+        roll_rad=pose.roll_rad,
+        markers_m=chain.from_iterable(pose.markers_m),
+        forces=None if pose.forces is None else _forces_message(pose.forces),
+    )
+
+
+def tracking_from(message: pb.Tracking) -> Pose:
+    """Return the pose of a message."""
+    return Pose(
+        message.t_s,
+        (message.x_m, message.y_m, message.z_m),
+        message.yaw_rad,
+        message.pitch_rad,
+        message.roll_rad,
+        _vectors(message.markers_m),
+        _forces_from(message.forces) if message.HasField("forces") else None,
+    )
+
+
+def _forces_message(forces: Forces) -> pb.Forces:
+    return pb.Forces(
+        tensions_n=forces.tensions_n,
+        motors_n=chain.from_iterable(forces.motors_n),
+        contacts_m=chain.from_iterable(forces.contacts_m),
+        contacts_n=chain.from_iterable(forces.contacts_n),
+    )
+
+
+def _forces_from(message: pb.Forces) -> Forces:
+    return Forces(
+        tuple(message.tensions_n),
+        _vectors(message.motors_n),
+        _vectors(message.contacts_m),
+        _vectors(message.contacts_n),
+    )
+
+
+def _vectors(numbers: Sequence[float]) -> tuple[Vector, ...]:
+    each = iter(numbers)
+    return tuple(zip(each, each, each, strict=True))
+
+
+def pose_message(pose: Pose, time_ns: int) -> PoseInFrame:
+    """Return a pose as Foxglove and Rerun draw it unaided: position and quaternion in the frame ``world``.
+
+    Args:
+        pose: the pose.
+        time_ns: when, in nanoseconds since 1970.
+    """
+    x_m, y_m, z_m = pose.position_m
+    x, y, z, w = quaternion(pose)
+    return PoseInFrame(
+        timestamp=Timestamp(seconds=time_ns // 10**9, nanos=time_ns % 10**9),
+        frame_id="world",
+        pose=FoxglovePose(position=Vector3(x=x_m, y=y_m, z=z_m), orientation=Quaternion(x=x, y=y, z=z, w=w)),
+    )
+
+
+def quaternion(pose: Pose) -> tuple[float, float, float, float]:
+    """Return x, y, z, w of the pose's intrinsic z-y'-x'' angles."""
+    half_yaw, half_pitch, half_roll = pose.yaw_rad / 2, pose.pitch_rad / 2, pose.roll_rad / 2
+    cy, sy, cp, sp, cr, sr = (f(a) for a in (half_yaw, half_pitch, half_roll) for f in (cos, sin))
+    return (
+        cy * cp * sr - sy * sp * cr,
+        cy * sp * cr + sy * cp * sr,
+        sy * cp * cr - cy * sp * sr,
+        cy * cp * cr + sy * sp * sr,
+    )
+
+
+def command_message(command: Command) -> pb.Command:
+    """Return the message of a command."""
+    return pb.Command(t_s=command.t_s, gait=gait_message(command.gait), hold_s=command.hold_s)
+
+
+def command_from(message: pb.Command) -> Command:
+    """Return the command of a message."""
+    return Command(message.t_s, gait_from(message.gait), message.hold_s)
+
+
+def state_message(state: MotorState) -> pb.MotorState:
+    """Return the message of the motors' state."""
+    return pb.MotorState(
+        t_s=state.t_s,
+        frequency_hz=state.frequency_hz,
+        measured=state.measured,
+        current_a=state.current_a,
+        temperature_c=state.temperature_c,
+    )
+
+
+def state_from(message: pb.MotorState) -> MotorState:
+    """Return the motors' state of a message."""
+    return MotorState(
+        message.t_s,
+        tuple(message.frequency_hz),
+        message.measured,
+        tuple(message.current_a),
+        tuple(message.temperature_c),
+    )
+
+
+def trial_message(trial: Trial, score: float | None, recommendation: Recommendation | None) -> pb.Trial:
+    """Return the message that ends a trial: its outcome, its score (m/s), and what is recommended after it."""
+    return pb.Trial(
+        number=trial.number,
+        gait=gait_message(trial.gait),
+        outcome=trial.outcome.value,
+        reason=trial.reason,
+        started_unix_s=trial.started_unix_s,
+        duration_s=trial.duration_s,
+        score_m_s=score,
+        recommendation=None
+        if recommendation is None
+        else pb.Recommendation(
+            gait=gait_message(recommendation.gait), estimate=_estimate_message(recommendation.estimate)
+        ),
+    )
+
+
+def trial_from(
+    message: pb.Trial, poses: Iterable[Pose], commands: Iterable[Command], states: Iterable[MotorState]
+) -> Trial:
+    """Return the trial that a message ends, with what was recorded before it."""
+    return Trial(
+        message.number,
+        gait_from(message.gait),
+        Outcome(message.outcome),
+        message.reason,
+        message.started_unix_s,
+        message.duration_s,
+        tuple(poses),
+        tuple(commands),
+        tuple(states),
+    )
+
+
+def result_from(message: pb.Trial) -> tuple[float | None, Recommendation | None]:
+    """Return the score (m/s) of a trial and what was recommended after it."""
+    recommendation = message.recommendation
+    return (
+        message.score_m_s if message.HasField("score_m_s") else None,
+        Recommendation(gait_from(recommendation.gait), _estimate_from(recommendation.estimate))
+        if message.HasField("recommendation")
+        else None,
+    )

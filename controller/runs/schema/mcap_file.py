@@ -1,0 +1,146 @@
+"""MCAP files of protobuf messages, written to survive a full disk, and read even where they are torn or hostile."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import struct
+from collections.abc import Iterator
+from io import BytesIO, FileIO
+from pathlib import Path
+from typing import IO, cast
+
+from google.protobuf.descriptor import FileDescriptor
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.message import Message
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Channel, Chunk, McapRecord
+from mcap.records import Message as Entry
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import MCAP0_MAGIC, Writer
+
+from vvvaltr.controller.core.errors import UserError
+
+# What the library raises on bytes that stop short or are wrong.
+_WRONG = (McapError, struct.error, ValueError, OverflowError, KeyError)
+
+
+class TornFile(Exception):
+    """The file was never finished, and stops in the middle of something."""
+
+
+class DamagedFile(Exception):
+    """The file is no MCAP file, or not what was written."""
+
+
+class NewFile:
+    """A locked, unbuffered new file: after a failed write nothing is left over that closing it would write again."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = FileIO(path, "x")
+        lock(self._file, path)
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing can be written any more."""
+        return self._file.closed
+
+    def write(self, data: bytes) -> int:
+        """Write all of ``data``."""
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._file.write(rest) :]
+        return len(data)
+
+    def tell(self) -> int:
+        """Return how many bytes the file holds."""
+        return self._file.tell()
+
+    def flush(self) -> None:
+        """Do nothing: no byte is held back. `sync` makes them last."""
+
+    def sync(self) -> None:
+        """Return once all bytes are on the disk."""
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Close and unlock. Idempotent."""
+        self._file.close()
+
+
+def lock(file: IO[bytes] | FileIO, path: Path) -> None:
+    """Keep other processes from writing to an open file until it is closed. Raises UserError if one does already."""
+    try:
+        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise UserError(f"{path} is being written by another process: let it end, or stop it first") from error
+    except OSError:
+        pass  # a file system without locks; the log itself needs none
+
+
+def register(writer: Writer, topic: str, kind: type[Message]) -> int:
+    """Open a topic for one kind of message, and return its channel."""
+    files: dict[str, FileDescriptor] = {}
+    _collect(cast(FileDescriptor, kind.DESCRIPTOR.file), files)
+    schema = FileDescriptorSet()
+    for file in files.values():
+        file.CopyToProto(schema.file.add())
+    number = writer.register_schema(kind.DESCRIPTOR.full_name, SchemaEncoding.Protobuf, schema.SerializeToString())
+    return writer.register_channel(topic, MessageEncoding.Protobuf, number)
+
+
+def _collect(file: FileDescriptor, files: dict[str, FileDescriptor]) -> None:
+    """Add a file behind all that it imports."""
+    for imported in file.dependencies:
+        _collect(imported, files)
+    files.setdefault(file.name, file)
+
+
+def entries(data: bytes) -> Iterator[tuple[str, bytes]]:
+    """Yield topic and payload of every message in a file, in the order in which they were written.
+
+    Raises:
+        TornFile: the end is missing. All that came before it has been yielded.
+        DamagedFile: it is no MCAP file, or bytes are wrong in front of others that are right.
+    """
+    if not data.startswith(MCAP0_MAGIC):
+        raise DamagedFile("no MCAP file")
+    topics: dict[int, str] = {}
+    stream = BytesIO(data)
+    whole, wrong = 0, False
+    try:
+        for record in StreamReader(stream, emit_chunks=True, record_size_limit=len(data)).records:
+            try:
+                found = _messages(record, topics)
+            except _WRONG:  # of this record alone: its length was right, so the next one can be read
+                wrong = True
+                continue
+            if found and wrong:
+                raise DamagedFile(f"after byte {whole}")
+            yield from found
+            whole = stream.tell()
+    except EndOfFile:
+        wrong = wrong or whole < len(data)
+    except _WRONG:
+        wrong = True
+    if wrong:
+        finished = data.endswith(MCAP0_MAGIC, len(MCAP0_MAGIC))
+        raise (DamagedFile if finished else TornFile)(f"after byte {whole}")
+
+
+def _messages(record: McapRecord, topics: dict[int, str]) -> list[tuple[str, bytes]]:
+    """Return topic and payload of the messages in one record, and note the topics of the channels in it."""
+    found = []
+    for inner in _unpacked(record) if isinstance(record, Chunk) else [record]:
+        if isinstance(inner, Channel):
+            topics[inner.id] = inner.topic
+        elif isinstance(inner, Entry):
+            found.append((topics[inner.channel_id], inner.data))
+    return found
+
+
+def _unpacked(chunk: Chunk) -> list[McapRecord]:
+    if chunk.compression:
+        raise DamagedFile("its chunks are compressed, which no run writes")
+    return breakup_chunk(chunk, validate_crc=True)

@@ -1,0 +1,1 @@
+"""Questions asked of many trials at once: landscapes and comparisons."""

@@ -1,0 +1,121 @@
+"""Speed over two motors, the third off: one panel for each motor that is off, as in section 8.1 of the thesis.
+
+(Transfer Learning for Faster Discovery of Tensegrity Robot Gaits, Union College, 2018.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vvvaltr.controller.core.values import Gait, Outcome
+from vvvaltr.controller.loop.scoring import score
+from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
+from vvvaltr.controller.robot.choice import RobotChoice
+from vvvaltr.controller.robot.opening import make_twin
+from vvvaltr.twin.batch import run_all
+from vvvaltr.twin.robot import TwinRobot
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """Speeds over two motors: ``speed_m_s[i, j]`` at ``frequency_hz[i]`` of ``motors[1]`` and ``[j]`` of ``motors[0]``.
+
+    NaN where no trial measured anything.
+    """
+
+    motors: tuple[int, int]
+    frequency_hz: tuple[float, ...]
+    speed_m_s: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What to measure: ``grid`` x ``grid`` gaits for each pair of motors, each the mean of ``repeats`` trials."""
+
+    choice: RobotChoice
+    seed: int
+    settings: TrialSettings
+    score_name: str
+    range_hz: tuple[float, float]
+    motor_count: int
+    grid: int
+    repeats: int
+
+    @property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """The pairs of motors that run; the last one leaves out the first motor."""
+        return tuple(combinations(range(self.motor_count), 2))
+
+    @property
+    def frequency_hz(self) -> tuple[float, ...]:
+        """The frequencies of each axis."""
+        return tuple(np.linspace(*self.range_hz, self.grid).tolist())
+
+    def gaits(self) -> Iterator[Gait]:
+        """All gaits, panel by panel, row by row."""
+        for first, second in self.pairs:
+            for second_hz in self.frequency_hz:
+                for first_hz in self.frequency_hz:
+                    frequencies = [0.0] * self.motor_count
+                    frequencies[first], frequencies[second] = first_hz, second_hz
+                    yield Gait(tuple(frequencies))
+
+
+def measure(survey: Survey, jobs: int, progress: Callable[[Iterable[float]], Iterable[float]]) -> tuple[Panel, ...]:
+    """Run the survey with ``jobs`` processes or threads; the result does not depend on their number.
+
+    Args:
+        survey: what to measure.
+        jobs: how much at a time.
+        progress: wraps the stream of speeds, one per trial, to show how far it is.
+
+    Raises:
+        KeyboardInterrupt: somebody ended the program; what was running is given up.
+    """
+    trials = [gait for gait in survey.gaits() for _ in range(survey.repeats)]
+    tasks = [partial(_speed_m_s, survey, gait, number) for number, gait in enumerate(trials, start=1)]
+    with closing(run_all(partial(make_twin, survey.choice, survey.seed), tasks, jobs)) as results:
+        speeds = np.array(list(progress(results)))
+    by_gait = np.ma.masked_invalid(speeds.reshape(len(survey.pairs), survey.grid, survey.grid, survey.repeats))
+    means = by_gait.mean(axis=3).filled(np.nan)
+    return tuple(Panel(pair, survey.frequency_hz, mean) for pair, mean in zip(survey.pairs, means, strict=True))
+
+
+def _speed_m_s(survey: Survey, gait: Gait, number: int, robot: TwinRobot) -> float:
+    """Return the speed of one trial, NaN where it measured nothing."""
+    trial = run_trial(robot, gait, survey.settings, number)
+    if trial.outcome is Outcome.INTERRUPTED:
+        raise KeyboardInterrupt(trial.reason)
+    return score(trial, survey.score_name) if trial.outcome.is_valid else math.nan
+
+
+def draw(panels: tuple[Panel, ...], title: str, path: Path) -> None:
+    """Draw the panels side by side on one colour scale, and write a PNG, PDF or SVG by the path's ending.
+
+    Raises:
+        ImportError: matplotlib is missing.
+    """
+    from matplotlib.figure import Figure
+
+    fastest_mm_s = 1000.0 * max(float(np.nanmax(panel.speed_m_s, initial=0.0)) for panel in panels)
+    figure = Figure(figsize=(4.2 * len(panels) + 1.0, 4.4), layout="constrained")
+    figure.suptitle(title)
+    for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+        mesh = axes.pcolormesh(
+            panel.frequency_hz, panel.frequency_hz, 1000.0 * panel.speed_m_s, vmin=0.0, vmax=fastest_mm_s
+        )
+        first, second = panel.motors
+        off = [motor + 1 for motor in range(3) if motor not in panel.motors]
+        axes.set(xlabel=f"motor {first + 1} (Hz)", ylabel=f"motor {second + 1} (Hz)", aspect="equal")
+        axes.set_title("motor " + ", ".join(map(str, off)) + " off")
+    figure.colorbar(mesh, ax=figure.axes, label="speed (mm/s)")
+    figure.savefig(path, dpi=150)

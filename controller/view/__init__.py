@@ -1,0 +1,1 @@
+"""What is looked at: a run in Rerun, while it is made or afterwards."""

@@ -1,0 +1,101 @@
+"""A CAN bus, by python-can: socketcan, slcan, virtual, and whatever else it knows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import can
+
+from vvvaltr.drivers.links.link import lost_link
+
+_SYMPTOMS = (can.CanError, TypeError, ValueError)  # the last one: of a socket that is closed
+_SYMPTOMS_OF_READING = (can.CanError, TypeError)  # here, a ValueError is a garbled frame's
+_GARBLED = (ValueError, IndexError)  # what the slcan parser raises for a line that is not a frame
+_WRITE_TIMEOUT_S = 0.2  # pyserial also counts the time for which this process itself was held up
+_BACKLOG_S = 0.02  # how long after a deadline frames that wait already are still taken in
+# The bus adapter needs no time to start, and a longer read timeout wakes the I/O thread less often.
+_SLCAN = {"sleep_after_open": 0.0, "timeout": 0.005}
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A classic CAN frame with an 11-bit identifier; a remote one asks for data and has none."""
+
+    identifier: int
+    data: bytes = b""
+    is_remote: bool = False
+
+
+class CanLink:
+    """A CAN bus.
+
+    Args:
+        interface, channel, bitrate: as python-can names them.
+        options: further arguments for the interface.
+
+    Raises:
+        LinkLost: the bus could not be opened.
+    """
+
+    def __init__(self, interface: str, channel: str, bitrate: int, options: Mapping[str, Any] | None = None) -> None:
+        self._name = f"{interface}:{channel}"
+        chosen = {**(_SLCAN if interface == "slcan" else {}), **(options or {})}
+        with lost_link(self._name, *_SYMPTOMS, ImportError):
+            self._bus = can.Bus(interface=interface, channel=channel, bitrate=bitrate, **chosen)
+        self.garbled = 0
+
+    @property
+    def name(self) -> str:
+        """Interface and channel."""
+        return self._name
+
+    def send(self, frame: Frame) -> None:
+        """Send a frame. A bus that does not take it within 0.2 s is lost. Raises LinkLost."""
+        message = can.Message(
+            arbitration_id=frame.identifier,
+            data=frame.data,
+            is_remote_frame=frame.is_remote,
+            is_extended_id=False,
+        )
+        with lost_link(self._name, *_SYMPTOMS):
+            self._bus.send(message, timeout=_WRITE_TIMEOUT_S)
+
+    def frames(self, until_s: float) -> Iterator[Frame]:
+        """Yield frames as they come in until ``until_s``, as ``time.monotonic()`` counts. Raises LinkLost.
+
+        Garbled lines are counted and left out, and so are frames that report errors on the bus: the controllers send
+        those frames again, and a bus on which that does not help shows by its silence.
+        """
+        while (left_s := until_s - time.monotonic()) > -_BACKLOG_S:
+            try:
+                with lost_link(self._name, *_SYMPTOMS_OF_READING):
+                    message = self._received(max(0.0, left_s))
+            except _GARBLED:
+                self.garbled += 1
+                continue
+            if message is None and left_s <= 0.0:
+                return
+            if message is not None and not (message.is_error_frame or message.is_extended_id):
+                yield Frame(message.arbitration_id, bytes(message.data), message.is_remote_frame)
+
+    def _received(self, timeout_s: float) -> can.Message | None:
+        try:
+            return self._bus.recv(timeout=timeout_s)
+        except can.CanOperationError as error:
+            if isinstance(error.__cause__, UnicodeDecodeError):
+                # slcan takes this for a lost line, and would stumble over the same bytes for ever.
+                self._bus.flush()  # type: ignore[attr-defined]
+                raise error.__cause__ from None
+            raise
+
+    def close(self) -> None:
+        """Let go of the bus. Idempotent; never raises."""
+        with suppress(*_SYMPTOMS, OSError):
+            self._bus.shutdown()
+        # After unplugging, python-can gives up before it has closed the port beneath slcan.
+        with suppress(AttributeError, OSError, *_SYMPTOMS):
+            self._bus.serialPortOrig.close()  # type: ignore[attr-defined]

@@ -1,0 +1,60 @@
+"""A serial line, by pyserial: a device file, a pty, or any URL that pyserial knows (``socket://``, ``spy://``)."""
+
+from __future__ import annotations
+
+import select
+import termios
+from contextlib import suppress
+
+import serial
+
+from vvvaltr.controller.core.errors import LinkLost
+from vvvaltr.drivers.links.link import lost_link
+
+# What an unplugged line raises besides OSError: `flush` and set-up; a file number that has become None.
+_SYMPTOMS = (serial.SerialException, termios.error, TypeError)
+_WRITE_TIMEOUT_S = 0.2  # pyserial also counts the time for which this process itself was held up
+
+
+class SerialLink:
+    """A serial line with eight data bits, no parity, one stop bit.
+
+    Args:
+        port: device file or pyserial URL.
+        baud: bits per second.
+
+    Raises:
+        LinkLost: there is no such port, it may not be opened, or another program has it.
+    """
+
+    def __init__(self, port: str, baud: int) -> None:
+        self._name = port
+        with lost_link(port, *_SYMPTOMS):
+            self._serial = serial.serial_for_url(port, baud, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True)
+
+    @property
+    def name(self) -> str:
+        """The port."""
+        return self._name
+
+    def write(self, data: bytes) -> None:
+        """Send all of ``data``. A line that does not take it within 0.2 s is lost. Raises LinkLost."""
+        # A write that times out may have been accepted, so it is never repeated from here.
+        with lost_link(self._name, *_SYMPTOMS):
+            self._serial.write(data)
+
+    def read(self, size: int, timeout_s: float) -> bytes:
+        """Return what has come in, ``size`` bytes at most, waiting for the first of them. Raises LinkLost."""
+        with lost_link(self._name, *_SYMPTOMS):
+            if not select.select([self._serial.fileno()], [], [], timeout_s)[0]:
+                return b""
+        # What is ready to be read and then has no data is the end of the line.
+        with suppress(OSError, *_SYMPTOMS):
+            if data := self._serial.read(size):
+                return bytes(data)
+        raise LinkLost(f"{self._name}: the device hung up")
+
+    def close(self) -> None:
+        """Let go of the port. Idempotent."""
+        with suppress(OSError, *_SYMPTOMS):
+            self._serial.close()

@@ -1,0 +1,1 @@
+"""What all mock devices share: their port, their faults, the twin that they move."""

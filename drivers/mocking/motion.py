@@ -1,0 +1,55 @@
+"""The mock's robot: a twin that moves in real time, and the tracker that sees it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from vvvaltr.controller.core.errors import DeviceFault
+from vvvaltr.controller.core.protocols import Robot
+from vvvaltr.controller.core.values import Gait
+from vvvaltr.drivers.trackers.stream.tracker import PoseSender
+
+_POSE_PERIOD_S = 0.02
+_SHORTEST_STEP_S = 0.01  # a tracker sees no more of the motion, and the next byte is not kept waiting for it
+_LONGEST_STEP_S = 0.05  # a mock that was held up for longer lets the rest of that time pass without motion
+
+
+class Motion:
+    """Moves a twin with what the device applies, and sends its pose, 50 times a second.
+
+    Args:
+        twin: the robot; nobody puts it back between trials.
+        sender: to the tracker.
+    """
+
+    def __init__(self, twin: Robot, sender: PoseSender) -> None:
+        self._twin = twin
+        self._sender = sender
+        self._now_s = -math.inf
+        self._next_pose_s = -math.inf
+        self.is_blind = False
+
+    def advance(self, applied_hz: Sequence[float], now_s: float) -> None:
+        """Let the robot move until ``now_s``, as ``time.monotonic()`` counts, and send its pose when that is due."""
+        if now_s - self._now_s < _SHORTEST_STEP_S:
+            return
+        elapsed_s = min(now_s - self._now_s, _LONGEST_STEP_S)
+        self._now_s = now_s
+        try:
+            self._twin.motors.drive(Gait(tuple(applied_hz)), 1.0)
+            self._twin.clock.sleep(max(0.0, elapsed_s))
+        except DeviceFault:
+            self._twin.place(0)  # the physics broke down, and somebody picks the robot up
+        if now_s >= self._next_pose_s:
+            self._next_pose_s = max(self._next_pose_s + _POSE_PERIOD_S, now_s)
+            if self.is_blind:
+                self._sender.send_lost(now_s)
+            else:
+                self._sender.send(replace(self._twin.tracker.pose(), t_s=now_s))
+
+    def close(self) -> None:
+        """Let go of robot and socket."""
+        self._twin.close()
+        self._sender.close()

@@ -1,0 +1,215 @@
+"""The motor node: closed-loop motors behind the framed protocol of docs/node-protocol.md."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+from vvvaltr.controller.core.values import Gait, MotorState, Quantity
+from vvvaltr.drivers.links.link import Link
+from vvvaltr.drivers.links.remote_clock import RemoteClock
+from vvvaltr.drivers.motor_line import WATCHDOG
+from vvvaltr.drivers.node.protocol import (
+    DEVICE_CLOCK_MS,
+    PROTOCOL,
+    SEQUENCES,
+    Ack,
+    Decoder,
+    Fault,
+    Message,
+    Status,
+    Telemetry,
+    Welcome,
+    clear,
+    drive,
+    hello,
+    stop,
+)
+
+BAUD = 460800
+SEQUENCE = "sequence"  # code of the DeviceFault of a node whose messages are out of order
+_PERIOD_S = 0.02
+_HOLD_S = 0.2  # of one set-point: ten of them lost, and the node stops the motors
+_PATIENCE_S = 1.0  # with a node that does not answer
+_ANSWER_S = 0.1
+_UNTAKEN = 20  # commands that the node may be behind
+
+_Answer = TypeVar("_Answer")
+
+
+def open_node(link: Link) -> NodeLine:
+    """Return the motors of the node on ``link``: greeted, at rest, without faults, telemetry coming in.
+
+    Raises:
+        DeviceTimeout: nothing answers like a node.
+        DeviceFault: the node speaks another version of the protocol, or has a fault that cannot be cleared.
+        LinkLost: the line is gone.
+    """
+    try:
+        return _greet(link)
+    except DeviceError:
+        link.close()
+        raise
+
+
+def _greet(link: Link) -> NodeLine:
+    decoder = Decoder()
+    link.write(b"\0")  # ends whatever noise the node may have taken for a beginning
+    welcome = _ask(link, decoder, hello(0), lambda message: message if isinstance(message, Welcome) else None)
+    if welcome.protocol != PROTOCOL:
+        raise DeviceFault(
+            "protocol",
+            f"{link.name}: the node speaks version {welcome.protocol} of the protocol, this program {PROTOCOL}: "
+            "flash the firmware that came with this program",
+        )
+    telemetry = _ask(
+        link,
+        decoder,
+        clear(1),
+        lambda message: message if isinstance(message, Telemetry) and message.command == 1 else None,
+    )
+    _raise_faults(link.name, telemetry)
+    return NodeLine(link, decoder, welcome, telemetry)
+
+
+def _ask(link: Link, decoder: Decoder, command: bytes, answer: Callable[[Message], _Answer | None]) -> _Answer:
+    """Send ``command`` again and again until a message is its ``answer``."""
+    deadline_s = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < deadline_s:
+        link.write(command)
+        again_s = time.monotonic() + _ANSWER_S
+        while (left_s := again_s - time.monotonic()) > 0.0:
+            for found in map(answer, decoder.feed(link.read(4096, left_s))):
+                if found is not None:
+                    return found
+    raise DeviceTimeout(f"{link.name}: no motor node answers; check power, wiring, port and baud rate")
+
+
+def _raise_faults(name: str, telemetry: Telemetry) -> None:
+    faults = [("the node", telemetry.fault)]
+    faults += [(f"motor {number}", motor.fault) for number, motor in enumerate(telemetry.motors, start=1)]
+    for where, fault in faults:
+        if fault is not Fault.NONE:
+            code = fault.name.lower()
+            raise DeviceFault(code, f"{name}: {where} reports {code.replace('_', ' ')}; all motors are off")
+
+
+class NodeLine:
+    """The motors of one node: satisfies ``vvvaltr.drivers.motor_line.MotorLine``. Made by ``open_node``.
+
+    ``welcome`` is what the node said of itself; ``repeated`` and ``missed`` count telemetry.
+    """
+
+    period_s = _PERIOD_S
+    watchdog_s = _HOLD_S
+    quantities = frozenset({Quantity.FREQUENCY})
+
+    def __init__(self, link: Link, decoder: Decoder, welcome: Welcome, telemetry: Telemetry) -> None:
+        self.welcome = welcome
+        self.repeated = 0
+        self.missed = 0
+        self._link = link
+        self._decoder = decoder
+        self._sequence = telemetry.command
+        self._clock = RemoteClock()
+        self._uptime_s = telemetry.device_ms / 1000.0
+        # One attribute, for two threads read it.
+        self._heard = (self._clock.here_s(self._uptime_s, time.monotonic()), telemetry)
+
+    @property
+    def name(self) -> str:
+        """The port."""
+        return self._link.name
+
+    @property
+    def motor_count(self) -> int:
+        """Number of motors."""
+        return self.welcome.motor_count
+
+    @property
+    def heard_s(self) -> float:
+        """When the node sent its last telemetry."""
+        return self._heard[0]
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """What the node told last."""
+        return self._heard[1]
+
+    def check(self, gait: Gait) -> None:
+        """Raise ValueError if the node cannot apply the frequencies of ``gait``."""
+        for motor, frequency in enumerate(gait.frequency_hz, start=1):
+            if abs(frequency) > self.welcome.max_hz + 1e-9:
+                raise ValueError(
+                    f"motor {motor}: the node turns at {self.welcome.max_hz:g} Hz at most, not {frequency:g}"
+                )
+
+    def send(self, gait: Gait) -> None:
+        """Send the set-point of all motors."""
+        self._link.write(drive(self._next(), gait.frequency_hz, _HOLD_S))
+
+    repeat = send
+
+    def rest(self) -> None:
+        """Send a stop."""
+        self._link.write(stop(self._next()))
+
+    def listen(self, until_s: float) -> None:
+        """Take in what the node says. Raises as ``MotorLine.listen`` does."""
+        while (left_s := until_s - time.monotonic()) > 0.0:
+            for message in self._decoder.feed(self._link.read(4096, left_s)):
+                if isinstance(message, Telemetry):
+                    self._take_telemetry(message)
+                elif isinstance(message, Ack):
+                    self._take_ack(message)
+
+    def state(self) -> MotorState:
+        """Return what the node measured last."""
+        heard_s, telemetry = self._heard
+        currents = [motor.current_a for motor in telemetry.motors if motor.current_a is not None]
+        temperatures = [motor.temperature_c for motor in telemetry.motors if motor.temperature_c is not None]
+        return MotorState(
+            heard_s,
+            tuple(motor.measured_hz for motor in telemetry.motors),
+            current_a=tuple(currents) if len(currents) == self.motor_count else (),
+            temperature_c=tuple(temperatures) if len(temperatures) == self.motor_count else (),
+        )
+
+    def close(self) -> None:
+        """Let go of the line."""
+        self._link.close()
+
+    def _next(self) -> int:
+        self._sequence = (self._sequence + 1) % SEQUENCES
+        return self._sequence
+
+    def _take_telemetry(self, telemetry: Telemetry) -> None:
+        if telemetry.boot_id != self.welcome.boot_id or len(telemetry.motors) != self.motor_count:
+            raise LinkLost(f"{self.name}: the node has rebooted")
+        last = self.telemetry.sequence
+        ahead = (telemetry.sequence - last) % SEQUENCES
+        if ahead == 0:
+            self.repeated += 1  # no harm, and no news
+            return
+        if ahead >= SEQUENCES // 2:
+            raise DeviceFault(SEQUENCE, f"{self.name}: telemetry {telemetry.sequence} came after {last}")
+        self.missed += ahead - 1
+        self._uptime_s += (telemetry.device_ms - self.telemetry.device_ms) % DEVICE_CLOCK_MS / 1000.0
+        self._heard = (self._clock.here_s(self._uptime_s, time.monotonic()), telemetry)
+        _raise_faults(self.name, telemetry)
+        behind = (self._sequence - telemetry.command) % SEQUENCES
+        if behind > _UNTAKEN:
+            raise DeviceTimeout(f"{self.name}: the node does not hear the last {behind} commands")
+        if telemetry.expiries:
+            raise DeviceFault(WATCHDOG, f"{self.name}: the node stopped the motors, for no command reached it in time")
+
+    def _take_ack(self, ack: Ack) -> None:
+        behind = (self._sequence - ack.sequence) % SEQUENCES
+        if behind >= SEQUENCES // 2 or ack.status is Status.OUT_OF_ORDER:
+            raise DeviceFault(SEQUENCE, f"{self.name}: command {ack.sequence} is out of order after {self._sequence}")
+        if ack.status is Status.NOT_GREETED:
+            raise LinkLost(f"{self.name}: the node has rebooted")
+        if ack.status in (Status.BAD_VALUE, Status.UNKNOWN_COMMAND):
+            raise DeviceFault("refused", f"{self.name}: the node refuses command {ack.sequence}: {ack.status.name}")

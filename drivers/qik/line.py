@@ -1,0 +1,293 @@
+"""Pololu qik 2s9v1: two motors a board, several boards on one serial line, no sensor.
+
+Bytes as in the controller's user's guide. Its speeds are open loop, so a frequency is what the calibration curve says.
+The board answers neither to speeds nor to stops; it is asked for its error byte all the time, and what was sent before
+a clean answer is what it applies.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout
+from vvvaltr.controller.core.values import Gait, MotorState, Quantity
+from vvvaltr.drivers.links.curve import Curve
+from vvvaltr.drivers.links.link import Link, discard, read_exactly
+from vvvaltr.drivers.qik.protocol import (
+    ASK_PERIOD_S,
+    ERRORS,
+    SET_KEY,
+    START,
+    TELL_PERIOD_S,
+    Command,
+    Parameter,
+    check_baud,
+    check_commands,
+    check_timeout,
+    packet,
+    timeout_s,
+)
+
+_ANSWER_S = 0.2  # line time and a USB adapter's latency come to 20 ms; the rest is for a busy computer
+_QUIET_S = 0.05  # after which nothing more is on its way
+_ATTEMPTS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class QikMotor:
+    """Where a motor is connected (board's device id, output 0 or 1), how fast it turns at which command, and may turn.
+
+    Without ``max_hz`` it may turn as fast as its curve goes.
+    """
+
+    board: int
+    output: int
+    curve: Curve
+    max_hz: float = math.inf
+
+    @property
+    def greatest(self) -> int:
+        """The greatest command that does not exceed ``max_hz``."""
+        return math.floor(self.curve.command(min(self.max_hz, self.curve.highest_hz)) + 1e-6)
+
+
+@dataclass(frozen=True, slots=True)
+class QikSettings:
+    """How the boards are run.
+
+    Args:
+        eight_bit: speeds of 0 to 255 instead of 0 to 127.
+        has_crc: the boards' CRC jumper is in place.
+        timeout: the value of the serial timeout parameter; 1 is the shortest, 0.262 s.
+        spin_up_s: how long a motor that starts slowly is first given the greatest speed that it may have.
+        spin_up_below: commands that are slow in this sense.
+
+    Raises:
+        ValueError: the timeout is off, or too long.
+    """
+
+    eight_bit: bool = False
+    has_crc: bool = False
+    timeout: int = 1
+    spin_up_s: float = 0.2
+    spin_up_below: int = 25
+
+    def __post_init__(self) -> None:
+        check_timeout(self.timeout)
+
+
+def open_line(port: str, baud: int, motors: Sequence[QikMotor], settings: QikSettings) -> QikLine:
+    """Open the port, find all boards, switch on their watchdog, and return their motors at rest.
+
+    Raises:
+        ValueError: the line is too slow for its motors, or a curve has commands that the boards do not have.
+        LinkLost: the port could not be opened.
+        DeviceTimeout: a board does not answer.
+        DeviceFault: a board does not take its configuration.
+    """
+    from vvvaltr.drivers.links.serial import SerialLink
+
+    check_baud(baud, len(motors), settings.has_crc)
+    for motor in motors:
+        check_commands(motor.curve.points, settings.eight_bit)
+    line = QikLine(SerialLink(port, baud), motors, settings)
+    try:
+        line.arm()
+    except BaseException:
+        line.close()
+        raise
+    return line
+
+
+class QikLine:
+    """The boards on one line: a ``MotorLine``."""
+
+    def __init__(self, link: Link, motors: Sequence[QikMotor], settings: QikSettings) -> None:
+        self._link = link
+        self._motors = tuple(motors)
+        self._settings = settings
+        self._boards = tuple(dict.fromkeys(motor.board for motor in motors))
+        self._turns = itertools.cycle(range(len(motors)))
+        self._asking = itertools.cycle(self._boards)
+        self._asked: tuple[int, float, tuple[int, ...]] | None = None
+        self._next_ask_s = 0.0
+        self._wanted = self._applied = (0,) * len(motors)
+        self._sent = [0] * len(motors)
+        self._pushed_until_s = [0.0] * len(motors)
+        self._heard_s = dict.fromkeys(self._boards, time.monotonic())
+        self._is_resting = False
+
+    @property
+    def name(self) -> str:
+        """The port."""
+        return self._link.name
+
+    @property
+    def motor_count(self) -> int:
+        """Number of motors."""
+        return len(self._motors)
+
+    @property
+    def quantities(self) -> frozenset[Quantity]:
+        """Frequencies only."""
+        return frozenset({Quantity.FREQUENCY})
+
+    @property
+    def period_s(self) -> float:
+        """Set-points go out one motor at a time, so that a new one never waits long for the line."""
+        return TELL_PERIOD_S / len(self._motors)
+
+    @property
+    def watchdog_s(self) -> float:
+        """The boards' serial timeout."""
+        return timeout_s(self._settings.timeout)
+
+    @property
+    def heard_s(self) -> float:
+        """When the most silent board last answered."""
+        return min(self._heard_s.values())
+
+    def check(self, gait: Gait) -> None:
+        """Raise ValueError for a frequency that a calibration curve does not reach."""
+        for number, (motor, frequency_hz) in enumerate(zip(self._motors, gait.frequency_hz, strict=True), start=1):
+            try:
+                motor.curve.command(frequency_hz)
+            except ValueError as error:
+                raise ValueError(f"{self.name}, motor {number} of the line: {error}") from None
+
+    def send(self, gait: Gait) -> None:
+        """Send all speeds to motors at rest. Later changes go out with ``repeat``: the line has no room for more."""
+        now_s = time.monotonic()
+        self._want(gait, now_s)
+        if self._is_resting:
+            self._is_resting = False
+            self._link.write(b"".join(self._speed(number, now_s) for number in range(len(self._motors))))
+
+    def repeat(self, gait: Gait) -> None:
+        """Send the speed of the motor whose turn it is."""
+        now_s = time.monotonic()
+        self._want(gait, now_s)
+        self._link.write(self._speed(next(self._turns), now_s))
+
+    def rest(self) -> None:
+        """Send speed 0 to all motors, and when that has been done, to the motor whose turn it is."""
+        self._wanted = (0,) * len(self._motors)
+        numbers = (next(self._turns),) if self._is_resting else range(len(self._motors))
+        self._link.write(b"".join(self._speed(number, time.monotonic()) for number in numbers))
+        self._is_resting = True
+
+    def listen(self, until_s: float) -> None:
+        """Ask the boards in turn for their errors. Raises DeviceFault for any, DeviceTimeout for a late answer."""
+        while True:
+            now_s = time.monotonic()
+            if self._asked is None and now_s >= self._next_ask_s:
+                self._ask(now_s)
+            if answer := self._link.read(1, max(0.0, until_s - now_s)):
+                self._take(answer[0])
+            # Late is what had not come before the line was read: this thread itself may have been held up since.
+            elif self._asked is not None and now_s - self._asked[1] > _ANSWER_S:
+                board, self._asked = self._asked[0], None
+                raise DeviceTimeout(f"{self.name}: board {board} did not answer within {_ANSWER_S:g} s")
+            if now_s >= until_s:
+                return
+
+    def state(self) -> MotorState:
+        """Return the frequencies that belong to the speeds which the boards have taken."""
+        applied_hz = tuple(m.curve.frequency_hz(speed) for m, speed in zip(self._motors, self._applied, strict=True))
+        return MotorState(self.heard_s, applied_hz, measured=False)
+
+    def close(self) -> None:
+        """Let go of the line."""
+        self._link.close()
+
+    def arm(self) -> None:
+        """Find all boards, configure them and read that back. Raises as ``open_line`` does."""
+        # Bytes that an earlier program left unfinished make the first packets fail; the error byte is read at the end.
+        self._link.write(bytes((START,)))
+        while self._link.read(64, _QUIET_S):
+            pass  # answers that an earlier program had asked for
+        for board in self._boards:
+            self._find(board)
+            self._configure(board, Parameter.PWM, int(self._settings.eight_bit))
+            self._configure(board, Parameter.SHUT_DOWN, 1)
+            self._configure(board, Parameter.TIMEOUT, self._settings.timeout)
+        self.rest()
+        for board in self._boards:
+            self._query(board, Command.ERRORS)
+            self._heard_s[board] = time.monotonic()
+
+    def _find(self, board: int) -> None:
+        for attempt in range(1, _ATTEMPTS + 1):
+            try:
+                return self._greet(board)
+            except (DeviceTimeout, DeviceFault):
+                if attempt == _ATTEMPTS:
+                    raise
+
+    def _greet(self, board: int) -> None:
+        try:
+            version = self._query(board, Command.FIRMWARE)
+        except DeviceTimeout:
+            raise DeviceTimeout(
+                f"{self.name}: no board answers as number {board}; check power, wiring, baud rate and the board's "
+                "device id"
+            ) from None
+        if version not in b"12":
+            raise DeviceFault("firmware", f"{self.name}: board {board} answers {version:#04x}, not as a qik 2s9v1")
+
+    def _configure(self, board: int, parameter: Parameter, value: int) -> None:
+        # The permanent memory wears out, so it is written only where it has to change.
+        if self._query(board, Command.GET, parameter) == value:
+            return
+        self._query(board, Command.SET, parameter, value, *SET_KEY)
+        if (kept := self._query(board, Command.GET, parameter)) != value:
+            raise DeviceFault(
+                "configuration",
+                f"{self.name}: board {board} keeps {kept} as its {parameter.name.lower()} parameter instead of {value}",
+            )
+
+    def _query(self, board: int, command: Command, *data: int) -> int:
+        discard(self._link)
+        self._link.write(packet(board, command, *data, has_crc=self._settings.has_crc))
+        return read_exactly(self._link, 1, time.monotonic() + _ANSWER_S)[0]
+
+    def _want(self, gait: Gait, now_s: float) -> None:
+        """Take note of the commands, negative for reverse, and of which motors are to be pushed for how long."""
+        commands = tuple(round(m.curve.command(hz)) for m, hz in zip(self._motors, gait.frequency_hz, strict=True))
+        for number, (before, after) in enumerate(zip(self._wanted, commands, strict=True)):
+            if not 0 < abs(after) < self._settings.spin_up_below:
+                self._pushed_until_s[number] = now_s
+            elif before * after <= 0:
+                self._pushed_until_s[number] = now_s + self._settings.spin_up_s
+        self._wanted = commands
+
+    def _speed(self, number: int, now_s: float) -> bytes:
+        motor, speed = self._motors[number], self._wanted[number]
+        is_pushed = speed and now_s < self._pushed_until_s[number]
+        magnitude = max(abs(speed), motor.greatest) if is_pushed else abs(speed)
+        self._sent[number] = -magnitude if speed < 0 else magnitude
+        command = Command.SPEED + 4 * motor.output + 2 * (speed < 0) + (magnitude > 127)
+        return packet(motor.board, command, magnitude & 0x7F, has_crc=self._settings.has_crc)
+
+    def _ask(self, now_s: float) -> None:
+        board = next(self._asking)
+        self._asked = (board, now_s, tuple(self._sent))
+        self._next_ask_s = now_s + ASK_PERIOD_S
+        self._link.write(packet(board, Command.ERRORS, has_crc=self._settings.has_crc))
+
+    def _take(self, answer: int) -> None:
+        if self._asked is None:
+            raise DeviceFault("sequence", f"{self.name}: {answer:#04x} came unasked")
+        (board, _, sent), self._asked = self._asked, None
+        if answer:
+            names = [name for bit, name in ERRORS.items() if answer & bit]
+            raise DeviceFault(names[-1] if names else "garbled", f"{self.name}: board {board} reports {answer:#04x}")
+        self._heard_s[board] = time.monotonic()
+        self._applied = tuple(
+            now if motor.board == board else before
+            for motor, now, before in zip(self._motors, sent, self._applied, strict=True)
+        )

@@ -1,0 +1,1 @@
+"""Poses as JSON over UDP, from any program that can send them."""

@@ -1,0 +1,145 @@
+import errno
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from vvvaltr.controller.cli.main import main
+from vvvaltr.controller.runs.log import read_run
+
+TABLE = "Trial,RPM_1,RPM_2,RPM_3,Displacement_mm\n1,600,-300,0,100\n2,120,0,60,40\n"
+
+
+def imported(folder: Path, table: str | bytes = TABLE, *more: str, **changed: str) -> int:
+    """Import a table into ``folder / "lab"``; options are given without dashes, an empty one is left out."""
+    path = folder / "trials.csv"
+    path.write_bytes(table if isinstance(table, bytes) else table.encode())
+    options = {
+        "gait": "RPM_1,RPM_2,RPM_3",
+        "unit": "rpm",
+        "score": "Displacement_mm",
+        "score-unit": "mm",
+        "duration": "20",
+        "out": str(folder / "lab"),
+        **changed,
+    }
+    pairs = [part for name, value in options.items() if value for part in (f"--{name}", value)]
+    return main(["import", str(path), *pairs, *more])
+
+
+def test_trials_become_a_run_in_our_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert imported(tmp_path, TABLE, "--json") == 0
+
+    found = json.loads(capsys.readouterr().out)
+    trials = read_run(tmp_path / "lab").trials
+    assert [logged.trial.gait.frequency_hz for logged in trials] == [(10.0, -5.0, 0.0), (2.0, 0.0, 1.0)]
+    assert [logged.score for logged in trials] == pytest.approx([0.005, 0.002])
+    assert found["best_observed"]["trial"] == 1
+    assert found == json.loads((tmp_path / "lab" / "summary.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("unit", "score_unit", "duration", "hz", "m_s"),
+    [("hz", "m", "20", 600.0, 5.0), ("rad/s", "mm/s", "", 95.4929658551, 0.1), ("rpm", "m/s", "", 10.0, 100.0)],
+)
+def test_every_unit_is_understood(
+    unit: str, score_unit: str, duration: str, hz: float, m_s: float, tmp_path: Path
+) -> None:
+    assert imported(tmp_path, unit=unit, duration=duration, **{"score-unit": score_unit}) == 0
+
+    first = read_run(tmp_path / "lab").trials[0]
+    assert (first.trial.gait.frequency_hz[0], first.score) == pytest.approx((hz, m_s))
+
+
+def test_a_run_learns_from_imported_trials(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    imported(tmp_path)
+
+    learn = ["learn", "--source", str(tmp_path / "lab"), "--trials", "2", "--duration", "0.5", "--out"]
+    assert main([*learn, str(tmp_path / "run")]) == 0
+    assert read_run(tmp_path / "run").sources[0].scores == pytest.approx((0.005, 0.002))
+
+    capsys.readouterr()
+    assert main([*learn, str(tmp_path / "other"), "--score", "path"]) == 1
+    assert "net speed only" in capsys.readouterr().err
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize(
+    ("table", "changed", "complaint"),
+    [
+        (TABLE, {"gait": "RPM_1,RPM_9"}, "RPM_9"),
+        (TABLE, {"score": "Speed"}, "Speed"),
+        (TABLE, {"unit": "furlong"}, "furlong"),
+        (TABLE, {"score-unit": "inch"}, "inch"),
+        (TABLE, {"duration": ""}, "--duration"),
+        (TABLE.replace("600", "fast"), {}, "line 2: RPM_1 is 'fast'"),
+        (TABLE.replace("40", "nan"), {}, "line 3: Displacement_mm is 'nan'"),
+        (TABLE.replace("60,40", "60"), {}, "line 3: Displacement_mm is nothing"),
+        (TABLE.replace("600", "inf"), {}, "'inf'"),
+        (TABLE.replace("100", "-100"), {}, "not below 0"),
+        (TABLE.replace("2,120,0", "2,1,20,0"), {}, "line 3 has more cells than there are column names"),
+        (TABLE.replace("600", "1e300"), {}, "line 2: RPM_1 is 1e+300, which makes"),
+        (TABLE.replace("600", "-1e6"), {}, "line 2: RPM_1 is -1e+06, which makes -16666.7 Hz"),
+        (
+            TABLE.replace("0,100", "0,1.7e308"),
+            {"score-unit": "m", "duration": "1e-3"},
+            "line 2: Displacement_mm is 1.7e+308, which makes inf m/s",
+        ),
+        (TABLE.splitlines()[0] + "\n", {}, "no trial"),
+        ("", {}, "has nothing"),
+        (b"\x89PNG\r\n\x1a\n\x00", {}, "no table of text"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(
+    table: str | bytes,
+    changed: dict[str, str],
+    complaint: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    status = imported(tmp_path, table, **changed)
+
+    lines = capsys.readouterr().err.splitlines()
+    assert status == 1
+    assert len(lines) == 1 and complaint in lines[0]
+    assert not (tmp_path / "lab").exists()
+
+
+def test_a_full_disk_leaves_nothing_and_the_same_command_works_later(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        assert imported(tmp_path) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"--out {tmp_path / 'lab'} cannot be made: No space left" in line
+    assert [path.name for path in tmp_path.iterdir()] == ["trials.csv"]
+
+    assert imported(tmp_path) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["lab", "trials.csv"]
+
+
+def test_an_out_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("in the way")
+
+    assert imported(tmp_path, out=str(tmp_path / "file" / "lab")) == 1
+
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"--out {tmp_path / 'file' / 'lab'} cannot be made" in line
+
+
+@pytest.mark.parametrize("command", ["view", "learn --resume"])
+def test_imported_trials_are_no_run_to_go_on_with_but_a_source(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    imported(tmp_path)
+    capsys.readouterr()
+
+    assert main([*command.split(), str(tmp_path / "lab")]) == 1
+
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "it has no run.toml" in line and "--source" in line

@@ -1,0 +1,250 @@
+"""`vvvaltr check` and `vvvaltr calibrate` on devices in processes of their own."""
+
+from __future__ import annotations
+
+import errno
+import io
+import json
+import os
+import shutil
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+import vvvaltr.controller.robot.commissioning.calibrate
+from vvvaltr.controller.cli.main import main
+from vvvaltr.controller.core.values import MotorState
+from vvvaltr.controller.robot.commissioning.calibrate import Reading, fitted, without_curves
+from vvvaltr.controller.robot.robot_file import load_robot_file
+from vvvaltr.drivers.mocking.faults import Fault, Kind
+from vvvaltr.drivers.mocking.process import MockProcess
+from vvvaltr.drivers.odrive.line import OdriveLine
+from vvvaltr.drivers.qik.mock import CURVE
+
+
+def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
+    capsys.readouterr()
+    status = main([*arguments, "--json"])
+    last = capsys.readouterr().out.strip().splitlines()
+    return status, json.loads(last[-1]) if last else {}
+
+
+def verdicts(data: dict[str, Any]) -> dict[str, bool]:
+    return {check["name"]: check["passed"] for check in data["checks"]}
+
+
+def changed(mock: MockProcess, tmp_path: Path, old: str, new: str) -> str:
+    text = Path(mock.greeting.robot_file).read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "robot.toml"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    return str(path)
+
+
+def test_a_sound_robot_passes_every_point(qik: MockProcess, capsys: pytest.CaptureFixture[str]) -> None:
+    status, data = answer(capsys, "check", "--robot", qik.greeting.robot_file)
+
+    assert [check for check in data["checks"] if not check["passed"]] == []
+    assert (status, data["passed"]) == (0, True)
+    assert set(verdicts(data)) == {
+        *("line 1 link", "line 1 watchdog", "tracker"),
+        *(f"motor {number}{what}" for number in (1, 2, 3) for what in ("", " direction")),
+    }
+
+
+def test_a_stalled_motor_fails_with_a_cure(odrive: MockProcess, capsys: pytest.CaptureFixture[str]) -> None:
+    odrive.befall(Fault(kind=Kind.STALL, at_s=0.0, motor=2, duration_s=25.0))
+
+    status, data = answer(capsys, "check", "--robot", odrive.greeting.robot_file)
+
+    assert status == 1
+    failed = {name for name, passed in verdicts(data).items() if not passed}
+    assert "motor 2" in failed and "motor 1" not in failed
+    assert all(check["cure"] for check in data["checks"] if not check["passed"])
+
+
+def test_without_a_device_the_link_fails_and_the_tracker_is_tested_all_the_same(
+    qik: MockProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = changed(qik, tmp_path, f'port = "{qik.greeting.port}"', 'port = "/dev/none"')
+
+    status, data = answer(capsys, "check", "--robot", path)
+
+    assert status == 1
+    assert verdicts(data) == {"line 1 link": False, "tracker": True}
+    assert "/dev/none" in data["checks"][0]["detail"]
+
+
+def test_without_a_tracker_motors_without_sensors_cannot_pass(
+    qik: MockProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    port = qik.greeting.tracker.partition(":")[2]
+    path = changed(qik, tmp_path, f"port = {port}", "port = 0")
+
+    status, data = answer(capsys, "check", "--robot", path)
+
+    assert status == 1
+    assert verdicts(data)["tracker"] is False
+    assert verdicts(data)["line 1 watchdog"] is True
+    assert verdicts(data)["motor 1"] is False
+
+
+def test_without_a_file_ports_and_interfaces_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    status, data = answer(capsys, "check")
+
+    assert status == 0
+    assert set(data) == {"serial_ports", "can_interfaces"}
+
+
+def test_a_bad_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "robot.toml").write_text("[tracker]\n")
+
+    assert main(["check", "--robot", str(tmp_path / "robot.toml")]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_the_curve_of_a_motor_without_a_sensor_is_what_the_tracker_sees(
+    qik: MockProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = "curve = [[14.0, 1.0], [127.0, 20.0]]"
+    right = "curve = [[14.0, 1.8], [40.0, 6.0], [80.0, 11.5], [127.0, 16.5]]"
+    path = changed(qik, tmp_path, right, wrong)
+
+    status, data = answer(capsys, "calibrate", "--robot", path, "--points", "2", "--seconds", "1.5")
+
+    assert status == 0
+    for motor, shown in zip(load_robot_file(Path(path)).motors, data["curves"], strict=True):
+        assert [list(point) for point in motor.curve] == shown
+        assert motor.curve[-1][1] == pytest.approx(CURVE.frequency_hz(127.0), abs=0.5)
+        assert motor.max_hz <= motor.curve[-1][1]
+
+
+def test_the_curve_of_a_motor_with_a_sensor_is_what_it_measures(
+    odrive: MockProcess, capsys: pytest.CaptureFixture[str]
+) -> None:
+    odrive.wait_until(lambda status: not status.faults, timeout_s=30.0)
+
+    status, data = answer(
+        capsys, "calibrate", "--robot", odrive.greeting.robot_file, "--points", "2", "--seconds", "0.6"
+    )
+
+    assert status == 0
+    assert len(data["curves"]) == 3
+    assert all(command == pytest.approx(hz, abs=0.05) for curve in data["curves"] for command, hz in curve)
+
+
+def test_one_motor_whose_watchdog_is_off_fails_the_line(
+    odrive: MockProcess, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def still_turning(line: OdriveLine) -> MotorState:
+        return MotorState(time.monotonic(), (0.0, 8.0, 0.0))
+
+    odrive.wait_until(lambda status: not status.faults, timeout_s=30.0)
+    monkeypatch.setattr(OdriveLine, "state", still_turning)
+
+    _, data = answer(capsys, "check", "--robot", odrive.greeting.robot_file)
+
+    (finding,) = (check for check in data["checks"] if check["name"] == "line 1 watchdog")
+    assert not finding["passed"]
+    assert "has not stopped motor 2" in finding["detail"]
+
+
+def test_calibrating_again_asks_for_the_same_greatest_command(odrive: MockProcess) -> None:
+    robot = load_robot_file(Path(odrive.greeting.robot_file))
+    line = robot.line[0]
+    curved = tuple(msgspec.structs.replace(it, curve=((2.0, 1.9), (16.5, 16.4)), max_hz=16.4) for it in line.motor)
+    robot = msgspec.structs.replace(robot, line=(msgspec.structs.replace(line, motor=curved),))
+
+    assert [motor.max_hz for motor in without_curves(robot).motors] == pytest.approx([16.5] * 3)
+
+
+ASKED = ("--ask", "--points", "2", "--seconds", "0.5")
+
+
+@pytest.fixture
+def prompt(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(vvvaltr.controller.robot.commissioning.calibrate, "_SETTLE_S", 0.0)
+
+
+def copied(mock: MockProcess, tmp_path: Path, name: str = "mine.toml") -> Path:
+    return Path(shutil.copy(mock.greeting.robot_file, tmp_path / name))
+
+
+@pytest.mark.usefixtures("prompt")
+@pytest.mark.parametrize(
+    ("answers", "complaint"),
+    [
+        ("inf\n" * 9, "'inf' is not a number of at least 0 and at most 1000; nothing was kept"),
+        ("1e308\n" * 9, "'1e308' is not a number"),
+        ("-3\n" * 9, "'-3' is not a number"),
+        ("16\n", "the answers ended too early, nothing was kept"),
+        ("", "the answers ended too early, nothing was kept"),
+        ("3\n1\n" * 3, "nothing was kept, for this was measured: "),  # slower than the file's search begins
+    ],
+)
+def test_answers_that_make_no_curve_leave_the_file_alone(
+    answers: str,
+    complaint: str,
+    qik: MockProcess,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = copied(qik, tmp_path)
+    monkeypatch.setattr(sys, "stdin", io.StringIO(answers))
+
+    assert main(["calibrate", "--robot", str(path), *ASKED]) == 1
+
+    assert complaint in capsys.readouterr().err.splitlines()[-1]
+    assert path.read_text() == Path(qik.greeting.robot_file).read_text()
+    assert [left.name for left in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.usefixtures("prompt")
+@pytest.mark.parametrize("name", ["mine.toml", "mine.json"])
+def test_a_mistyped_answer_is_asked_for_again_and_the_output_is_one_object(
+    name: str, qik: MockProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / name
+    if path.suffix == ".json":
+        path.write_text(json.dumps(msgspec.to_builtins(load_robot_file(Path(qik.greeting.robot_file)))))
+    else:
+        copied(qik, tmp_path)
+    link = tmp_path / f"link{path.suffix}"
+    link.symlink_to(path)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("inf\nfast\n16\n" + "3.5\n16\n4\n16\n4\n"))
+
+    status = main(["calibrate", "--robot", str(link), *ASKED, "--json"])
+
+    out, err = capsys.readouterr()
+    assert status == 0
+    assert json.loads(out)["curves"][0][-1] == [127.0, 16.0]
+    assert "'fast' is not a number" in err
+    assert [motor.curve[-1] for motor in load_robot_file(path).motors] == [(127.0, 16.0)] * 3
+    assert link.is_symlink()
+
+
+@pytest.mark.usefixtures("prompt")
+def test_a_full_disk_leaves_the_robots_file(
+    qik: MockProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    path = copied(qik, tmp_path)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("16\n4\n" * 3))
+    monkeypatch.setattr(os, "fsync", full)
+
+    assert main(["calibrate", "--robot", str(path), *ASKED]) == 1
+
+    assert path.read_text() == Path(qik.greeting.robot_file).read_text()
+
+
+def test_readings_that_are_equal_when_rounded_make_one_point() -> None:
+    seen = [Reading(0, 100.0, 5.0004), Reading(0, 80.0, 4.9996), Reading(0, 60.0, 3.0)]
+
+    assert fitted(seen, ()) == ((60.0, 3.0), (100.0, 5.0))

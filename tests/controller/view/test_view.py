@@ -1,0 +1,279 @@
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import pyarrow
+import pytest
+import rerun_cli
+from rerun.chunk import RrdReader
+from sample_run import STRUCTURE, logged_trial, sample_run
+
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.records import Run
+from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Outcome, Pose, Structure
+from vvvaltr.controller.runs.log import LOG_NAME, RunLog
+from vvvaltr.controller.view.recording import LiveView, save_recording, show
+from vvvaltr.controller.view.scene import result_text
+from vvvaltr.controller.view.speed_maps import Learned
+
+RUN = sample_run(trials=4, poses=21)
+SPACE = GaitSpace.over(3, -16.0, 16.0)
+
+
+def predict(gaits: list[Gait]) -> tuple[Estimate, ...]:
+    """Faster, the faster the first motor."""
+    means = [gait.frequency_hz[0] / 1000 for gait in gaits]
+    return tuple(Estimate(mean, mean - 0.01, mean + 0.01) for mean in means)
+
+
+def tables(recording: Path) -> dict[str, list[pyarrow.RecordBatch]]:
+    """Return what a recording holds, by entity."""
+    found: dict[str, list[pyarrow.RecordBatch]] = {}
+    for chunk in RrdReader(recording).stream().to_chunks():
+        found.setdefault(str(chunk.entity_path), []).append(chunk.to_record_batch())
+    return found
+
+
+def saved(folder: Path, run: Run, learned: Learned | None = None) -> dict[str, list[pyarrow.RecordBatch]]:
+    save_recording(run, folder / "run.rrd", "sample", learned)
+    return tables(folder / "run.rrd")
+
+
+def column(batches: list[pyarrow.RecordBatch], name: str) -> list:
+    """Return the values of the column whose name ends so, in all rows that have it."""
+    return [
+        value
+        for batch in batches
+        for field in batch.schema.names
+        if field == name or field.endswith(":" + name)
+        for value in batch.column(field).to_pylist()
+    ]
+
+
+def rerun(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "rerun", *map(str, arguments)], capture_output=True, text=True, check=False
+    )
+
+
+def test_rerun_accepts_the_recording(tmp_path: Path) -> None:
+    saved(tmp_path, RUN, Learned(SPACE, predict))
+    done = rerun("rrd", "verify", tmp_path / "run.rrd")
+    assert done.returncode == 0, done.stderr
+
+
+def test_rerun_accepts_the_log(tmp_path: Path) -> None:
+    with RunLog.create(tmp_path / LOG_NAME, RUN.structure, RUN.sources) as log:
+        log.append(RUN.trials[0])
+    done = rerun("mcap", "info", tmp_path / LOG_NAME)
+    assert done.returncode == 0, done.stderr
+    assert "foxglove.PoseInFrame" in done.stdout
+
+
+def test_the_robot_is_drawn_at_every_pose(tmp_path: Path) -> None:
+    found = saved(tmp_path, RUN)
+    poses = sum(len(logged.trial.poses) for logged in RUN.trials)
+    for part, lines in (("struts", 3), ("springs", 6)):
+        strips = column(found[f"/world/robot/{part}"], "strips")
+        assert len(strips) == poses
+        assert all(len(each) == lines for each in strips)
+    first = RUN.trials[0].trial.poses[0].markers_m
+    drawn = column(found["/world/robot/struts"], "strips")[0][0]
+    assert [xyz for end in drawn for xyz in end] == pytest.approx([*first[0], *first[1]])
+    assert len(column(found["/world/robot/centre"], "positions")) == poses
+    assert len(column(found["/world/trail"], "strips")) == len(RUN.trials)
+    assert column(found["/world/label"], "labels")[1] == [
+        "trial 2: tracking lost: no pose for 0.3 s: is the tag in view?"
+    ]
+    assert len(column(found["/world/ground"], "vertex_positions")[0]) == 41 * 2
+
+
+def test_a_robot_without_markers_is_an_arrow(tmp_path: Path) -> None:
+    (trial,) = sample_run(trials=1).trials
+    turned = Pose(0.0, (0.1, 0.2, 0.0), yaw_rad=math.pi / 2)
+    found = saved(tmp_path, Run(STRUCTURE, (), (replace(trial, trial=replace(trial.trial, poses=(turned,))),)))
+    assert column(found["/world/robot/heading"], "vectors") == [[pytest.approx([0.0, 0.06, 0.0])]]
+    assert column(found["/world/robot/heading"], "origins") == [[pytest.approx([0.1, 0.2, 0.0])]]
+
+
+def test_commanded_and_applied_frequencies_are_apart_and_end_with_each_trial(tmp_path: Path) -> None:
+    found = saved(tmp_path, RUN)
+    for motor in range(3):
+        for name in ("commanded", "applied"):
+            values = [value for (value,) in column(found[f"/motors/{motor + 1}/{name}"], "scalars")]
+            assert len(values) == 4 * (21 + 1)
+            assert [value != value for value in values[21::22]] == [True] * 4
+    last = RUN.trials[0].trial.commands[-1].gait.frequency_hz[0]
+    assert column(found["/motors/1/commanded"], "scalars")[20] == [last]
+
+
+def test_speeds_are_per_valid_trial_in_mm_s(tmp_path: Path) -> None:
+    found = saved(tmp_path, RUN)
+    scores = [1000 * logged.score for logged in RUN.trials if logged.score is not None]
+    assert column(found["/speed/measured"], "scalars") == [[pytest.approx(score)] for score in scores]
+    assert column(found["/speed/best_measured"], "scalars")[-1] == [pytest.approx(max(scores))]
+    estimate = RUN.trials[-1].recommendation.estimate
+    for name, value in (("mean", estimate.mean), ("low", estimate.low), ("high", estimate.high)):
+        assert column(found[f"/speed/best_gait/{name}"], "scalars")[-1] == [pytest.approx(1000 * value)]
+
+
+def test_both_time_lines_lead_through_the_run(tmp_path: Path) -> None:
+    struts = saved(tmp_path, RUN)["/world/robot/struts"]
+    trials = column(struts, "trial")
+    assert Counter(trials) == {1: 21, 2: 21, 3: 21, 4: 21}
+    times_s = [time.total_seconds() for time in column(struts, "time")]
+    assert times_s[0] == 0
+    assert times_s == sorted(times_s)
+    assert times_s[-1] == pytest.approx(4.0)
+
+
+def test_the_maps_show_the_expected_speed_of_each_pair_of_motors(tmp_path: Path) -> None:
+    found = saved(tmp_path, RUN, Learned(SPACE, predict))
+    assert {path.split("/")[2] for path in found if path.startswith("/learned/")} == {
+        "motors_1_2",
+        "motors_1_3",
+        "motors_2_3",
+    }
+    (picture,) = column(found["/learned/motors_1_2/speed"], "buffer")
+    pixels = [tuple(picture[0][at : at + 3]) for at in range(0, 25 * 25 * 3, 3)]
+    assert pixels[0] == (68, 1, 84)  # slow to the left, fast to the right
+    assert pixels[24] == (253, 231, 37)
+    (axes,) = column(found["/learned/motors_1_2/axes"], "labels")
+    assert {"motor 1 (Hz)", "motor 2 (Hz)", "mm/s", "-16", "16"} <= set(axes)
+
+
+def test_before_the_first_valid_trial_there_is_nothing_to_map(tmp_path: Path) -> None:
+    def unready(gaits: list[Gait]) -> tuple[Estimate, ...]:
+        raise ValueError("nothing learned yet")
+
+    failed = Run(STRUCTURE, (), (logged_trial(1, outcome=Outcome.LINK_LOST),))
+    found = saved(tmp_path, failed, Learned(SPACE, unready))
+    assert not any(path.startswith("/learned/") for path in found)
+    assert "No gait yet" in column(found["/result"], "text")[0][0]
+
+
+def test_the_result_tells_the_posterior_and_not_the_luckiest_trial() -> None:
+    recommendation = RUN.trials[-1].recommendation
+    text = result_text(RUN.trials)
+    assert f"**{1000 * recommendation.estimate.mean:.1f} mm/s** (posterior mean)" in text
+    assert "3 completed, 1 tracking lost" in text
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        Run(),
+        Run(None, (), RUN.trials),
+        Run(STRUCTURE, (), (replace(RUN.trials[0], trial=replace(RUN.trials[0].trial, poses=(), states=())),)),
+        Run(Structure(((0, 9),), (), (3,)), (), RUN.trials),
+        Run(
+            None,
+            (),
+            (replace(RUN.trials[0], trial=replace(RUN.trials[0].trial, poses=(Pose(0.0, (float("nan"),) * 3),))),),
+        ),
+    ],
+    ids=["empty", "no structure", "nothing recorded", "markers missing", "no number"],
+)
+def test_a_run_that_lacks_something_is_shown_without_it(tmp_path: Path, run: Run) -> None:
+    found = saved(tmp_path, run, Learned(SPACE, predict))
+    assert "/result" in found
+    assert column(found.get("/world/robot/struts", []), "strips") == []
+
+
+def test_an_unwritable_recording_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"nowhere/run\.rrd cannot be written"):
+        save_recording(RUN, tmp_path / "nowhere" / "run.rrd", "sample")
+
+
+def test_a_full_disk_ends_the_recording_leaves_nothing_and_does_not_fail_the_run(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    program = (
+        "import resource, signal, sys; from controller import showing; from vvvaltr.controller.cli.main import main\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); save = showing.save_run\n"
+        "def save_on_little_room(*paths):\n"
+        "    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); save(*paths)\n"
+        "showing.save_run = save_on_little_room; sys.exit(main())"
+    )
+    options = ("learn", "--robot", "planar", "--trials", "2", "--duration", "0.5", "--out", str(run))
+
+    done = subprocess.run(
+        [sys.executable, "-c", program, *options], capture_output=True, text=True, timeout=60, check=False
+    )
+
+    assert done.returncode == 0, done.stderr
+    assert f"no Rerun recording: {run / 'run.rrd'} cannot be written: File too large" in done.stderr
+    assert not list(run.glob("run.rrd*"))
+
+
+def test_without_a_screen_the_user_is_told_what_else_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(UserError, match=r"no screen.*--web.*--save"):
+        show(RUN, "sample")
+
+
+def receive(live: LiveView, path: Path) -> dict[str, list[pyarrow.RecordBatch]]:
+    """Return what a viewer gets that connects now."""
+    command = [
+        Path(rerun_cli.__file__).with_name("rerun"),
+        live.url,
+        "--save",
+        path,
+        "--bind",
+        "127.0.0.1",
+        "--port",
+        "0",
+    ]
+    with subprocess.Popen(list(map(str, command)), stderr=subprocess.DEVNULL) as viewer:
+        wait_until_complete(path)
+        viewer.send_signal(signal.SIGINT)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the file has no footer: the viewer was interrupted
+        return tables(path)
+
+
+def wait_until_complete(path: Path) -> None:
+    """Wait until the file has not grown for half a second."""
+    sizes = [-1, 0]
+    while sizes[-1] == 0 or sizes[-1] != sizes[-2]:
+        time.sleep(0.5)
+        sizes.append(path.stat().st_size if path.exists() else 0)
+
+
+def test_a_live_view_serves_the_run_to_a_viewer_that_comes_late(tmp_path: Path) -> None:
+    live = LiveView(replace(RUN, trials=RUN.trials[:2]), "sample", Learned(SPACE, predict))
+    for logged in RUN.trials[2:]:
+        live.update(logged)
+    received = receive(live, tmp_path / "received.rrd")
+    live.close()
+    assert set(received) == set(saved(tmp_path, RUN, Learned(SPACE, predict)))
+    assert len(column(received["/world/robot/struts"], "strips")) == 4 * 21
+
+
+def test_a_live_view_of_a_resumed_run_asks_nothing_of_an_optimiser_that_was_told_nothing() -> None:
+    def unready(gaits: list[Gait]) -> tuple[Estimate, ...]:
+        raise ValueError("nothing learned yet")
+
+    LiveView(RUN, "sample", Learned(SPACE, unready)).close()
+
+
+def test_a_live_view_without_a_viewer_costs_nothing_but_its_own_work() -> None:
+    live = LiveView(Run(STRUCTURE), "sample")
+    live.update(logged_trial(1))
+    live.close()
+    live.close()
+
+
+def test_two_live_views_do_not_get_in_each_others_way() -> None:
+    first, second = LiveView(Run(), "first"), LiveView(Run(), "second")
+    assert first.url != second.url
+    first.close()
+    second.close()

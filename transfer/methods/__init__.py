@@ -1,0 +1,1 @@
+"""The methods of learning: one file each, one row each in the registry."""

@@ -1,0 +1,135 @@
+"""RGPE: an ensemble of processes, weighted by how well each ranks the target's trials.
+
+After Feurer, Letham, Hutter and Bakshy, "Practical transfer learning for Bayesian optimization", 2018 (arXiv
+1802.02219).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vvvaltr.controller.core.values import GaitSpace, Source
+from vvvaltr.transfer.bayes.acquisition import Posterior
+from vvvaltr.transfer.bayes.belief import Belief, Trials
+from vvvaltr.transfer.bayes.earlier_run import EarlierRun, best_of_all, learned_from
+from vvvaltr.transfer.bayes.gp import GaussianProcess
+from vvvaltr.transfer.bayes.proposal import Proposal, expected_improvement
+from vvvaltr.transfer.bayes.search import Search
+from vvvaltr.transfer.methods.plain_bo import learned_alone
+from vvvaltr.transfer.methods.warm import WARM_TRIALS
+
+Array = NDArray[np.float64]
+
+DRAWS = 256
+
+
+class RGPE(Search):
+    """The ranking-weighted ensemble: mean sum_i w_i m_i, variance sum_i w_i^2 s_i^2, of all tasks' processes.
+
+    Each task is standardised by itself, so that only the order of the scores is compared. The weight of a process is
+    the probability that it makes the fewest mistakes in ranking the target's trials; the target's own process predicts
+    each of them from the others. A source whose median number of mistakes is above the 95th percentile of the target's
+    is left out. As ranks need trials, the first ones are the sources' best gaits.
+
+    In the paper the draws of a source's process are joint over the trials; here they are independent.
+
+    Args:
+        space: the gaits to search.
+        seed: of all that is random.
+        sources: one or more earlier runs.
+
+    Raises:
+        ValueError: there is no source, or one has another number of motors.
+    """
+
+    def __init__(self, space: GaitSpace, seed: int, sources: Sequence[Source]) -> None:
+        runs = learned_from(space, seed, sources)
+        warm = best_of_all(runs, WARM_TRIALS)
+
+        def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief | None:
+            return learned_as_ensemble(space, runs, trials, last, rng) if len(trials) else None
+
+        def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
+            if belief is None or len(trials) < len(warm):
+                return Proposal(warm[len(trials)], "best of source")
+            return expected_improvement(belief, rng)
+
+        super().__init__(space, seed, learn, propose)
+
+
+@dataclass(frozen=True, slots=True)
+class Ensemble:
+    """A weighted sum of independent posteriors."""
+
+    posteriors: Sequence[Posterior]
+    weights: Array
+
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """See ``Posterior``."""
+        means, variances = zip(*(posterior.predict(x) for posterior in self.posteriors), strict=True)
+        return self.weights @ np.array(means), self.weights**2 @ np.array(variances)
+
+    def predict_with_gradient(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """See ``Posterior``."""
+        parts = zip(*(posterior.predict_with_gradient(x) for posterior in self.posteriors), strict=True)
+        mean, variance, mean_gradient, variance_gradient = map(np.array, parts)
+        once, twice = self.weights, self.weights**2
+        return (
+            once @ mean,
+            twice @ variance,
+            np.tensordot(once, mean_gradient, 1),
+            np.tensordot(twice, variance_gradient, 1),
+        )
+
+
+def learned_as_ensemble(
+    space: GaitSpace, runs: Sequence[EarlierRun], trials: Trials, last: Belief | None, rng: np.random.Generator
+) -> Belief:
+    """Return what the target's and the sources' processes say together."""
+    belief = learned_alone(space, trials, last, rng)
+    alone = belief.posterior
+    assert isinstance(alone, GaussianProcess)
+    weights = ensemble_weights([run.process for run in runs], alone, rng)
+    processes = [*(run.process for run in runs), alone]
+    kept = [(process, weight) for process, weight in zip(processes, weights, strict=True) if weight > 0.0]
+    posterior = Ensemble([process for process, _ in kept], np.array([weight for _, weight in kept]))
+    names = {f"source_{i}_weight": float(weight) for i, weight in enumerate(weights[:-1], start=1)}
+    return replace(belief, posterior=posterior, hyperparameters={**belief.hyperparameters, **names})
+
+
+def ensemble_weights(sources: Sequence[GaussianProcess], target: GaussianProcess, rng: np.random.Generator) -> Array:
+    """Return the weights (sources + 1,) of the sources' processes and, last, the target's; they sum to 1."""
+    x, y = target.observations.x, target.observations.y
+    if len(y) < 3:  # of two trials one is left to rank the other by
+        return np.append(np.full(len(sources), 1.0), 0.0) / len(sources)
+    predictions = [*(source.predict(x) for source in sources), left_out(target)]
+    noise = [0.0] * len(sources) + [target.hyperparameters.noise_variance]
+    mistakes = np.array(
+        [
+            ranking_mistakes(rng.normal(mean, np.sqrt(np.maximum(variance - known, 0.0)), (DRAWS, len(y))), y)
+            for (mean, variance), known in zip(predictions, noise, strict=True)
+        ]
+    ).astype(float)
+    mistakes[:-1][np.median(mistakes[:-1], axis=1) > np.percentile(mistakes[-1], 95)] = np.inf
+    # In a tie the target wins, else the first source.
+    order = np.roll(np.arange(len(predictions)), 1)
+    winners = order[np.argmin(mistakes[order], axis=0)]
+    return np.bincount(winners, minlength=len(predictions)) / DRAWS
+
+
+def left_out(process: GaussianProcess) -> tuple[Array, Array]:
+    """Return mean and variance, noise included, (n,) each, of every observation given all others.
+
+    Rasmussen and Williams 2006, equation 5.12.
+    """
+    precision = (process.inverse_root**2).sum(axis=0)
+    return process.observations.y - process.weights / precision, 1.0 / precision
+
+
+def ranking_mistakes(draws: Array, y: Array) -> Array:
+    """Return for each of draws (s, n) of scores the number of pairs (s,) that it orders otherwise than y (n,) does."""
+    return np.asarray(((draws[:, :, None] < draws[:, None, :]) ^ (y[:, None] < y)).sum(axis=(1, 2)))

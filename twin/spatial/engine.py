@@ -1,0 +1,232 @@
+"""The spatial twin: the robot of the published simulator in three dimensions, on MuJoCo (the extra ``spatial``)."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vvvaltr.controller.core.errors import DeviceFault
+from vvvaltr.controller.core.values import Forces, Gait
+from vvvaltr.twin.body import Body, ConstantForce, EccentricForce, ForceLaw, Parts
+from vvvaltr.twin.engine import LEVEL, Diverged, Start
+from vvvaltr.twin.posture import Angles, best_rotation, continued_angles, nodes_of, turned
+from vvvaltr.twin.rotors import Rotors
+from vvvaltr.twin.spatial.forces import forces_in
+from vvvaltr.twin.spatial.model import HILLS_HALF_WIDTH_M, compiled
+from vvvaltr.twin.world import Flat, Hills, World
+
+if TYPE_CHECKING:
+    import mujoco
+
+Array = NDArray[np.float64]
+
+LAWS: dict[str, tuple[ForceLaw, tuple[float, float]]] = {
+    "eccentric": (EccentricForce(1e-5), (5.0, 50.0)),
+    # A fifth of the weight: with much more, three motors in phase lift the robot, and hopping beats every gait.
+    "constant": (ConstantForce(0.15), (5.0, 50.0)),
+}
+SEARCH_HZ = LAWS["eccentric"][1]
+
+SPATIAL_PARTS = Parts(
+    total_kg=0.078,
+    motor_kg=0.004,
+    law=LAWS["eccentric"][0],
+    max_hz=SEARCH_HZ[1],
+    stiffness_n_m=200.0,
+    damping_n_s_m=0.4,
+    rest_share=0.75,
+    radius_m=0.004,
+    tension_only=True,
+    rotor_kg_m2=5e-8,
+)
+
+TIME_STEP_S = 0.0005
+SETTLING_S = 3.0
+FOOT_M = 0.03  # from the middle to where the robot stands
+FASTEST_M_S = 20.0  # of a strut's middle; in strong gaits less than 1
+
+
+class SpatialEngine:
+    """``Engine`` in three dimensions.
+
+    Args:
+        body, world: what moves where.
+        time_step_s: of the integration; 0 for 0.5 ms, at which gaits have the speeds and ranks of finer steps.
+
+    Raises:
+        ValueError: MuJoCo is not installed.
+        Diverged: the body cannot even be put down.
+    """
+
+    def __init__(self, body: Body, world: World, time_step_s: float = 0.0) -> None:
+        self.body = body
+        self.world = world
+        self.time_step_s = time_step_s or TIME_STEP_S
+        self._motion = _Motion(compiled(body, world, self.time_step_s))
+        self._halves_m = _halves_m(body)
+        self._settled = _settled(body, world.gravity_m_s2, world.friction, self.time_step_s)
+        self._settled_nodes_m = nodes_of(self._settled, self._halves_m)
+        self.reset()
+
+    def reset(self, start: Start = LEVEL) -> None:
+        """See ``Engine``."""
+        posture, self._angles_rad = self._put_down(start)
+        self._motion.begin(posture)
+        self._rotors = Rotors(self.body.motors, self.time_step_s)
+        self._due_s = 0.0
+        self._steps = 0
+
+    @property
+    def time_s(self) -> float:
+        """See ``Engine``."""
+        return self._steps * self.time_step_s
+
+    def step(self, gait: Gait, duration_s: float) -> None:
+        """See ``Engine``.
+
+        Raises:
+            DeviceFault: the robot left the hills, which end somewhere.
+        """
+        if gait.motor_count != len(self.body.motors):
+            raise ValueError(f"a gait for {gait.motor_count} motors, but {self.body.name} has {len(self.body.motors)}")
+        self._due_s += duration_s
+        if (steps := round(self._due_s / self.time_step_s) - self._steps) > 0:
+            self._motion.go_on(self._controls(gait, steps))
+            self._steps += steps
+            self._motion.check(self.time_s)
+            self._check_place()
+            turn = best_rotation(self.nodes_m(), self._settled_nodes_m)
+            self._angles_rad = continued_angles(turn, self._angles_rad)
+
+    def nodes_m(self) -> Array:
+        """See ``Engine``."""
+        return nodes_of(self._motion.posture(), self._halves_m)
+
+    def angles_rad(self) -> tuple[float, float, float]:
+        """See ``Engine``. Of the rotation that best carries the settled robot's nodes to where they are."""
+        return self._angles_rad
+
+    def applied_hz(self) -> tuple[float, ...]:
+        """See ``Engine``."""
+        return tuple(self._rotors.applied_hz.tolist())
+
+    def forces(self) -> Forces:
+        """See ``Engine``."""
+        return self._motion.forces(self.body)
+
+    def _controls(self, gait: Gait, steps: int) -> Array:
+        """Return two forces and the reaction torque of each motor for each step, shape (steps, 3 * motors)."""
+        before_hz = self._rotors.applied_hz
+        hz, forces_n = self._rotors.turn(gait, steps)
+        # A rotor turns from y to x, which is backwards about z; as it speeds up, it turns the strut forwards.
+        spin_up_hz_s = np.diff(hz, axis=0, prepend=before_hz[None]) / self.time_step_s
+        torques_n_m = math.tau * spin_up_hz_s * [motor.rotor_kg_m2 for motor in self.body.motors]
+        return np.stack([forces_n.real, forces_n.imag, torques_n_m], axis=2).reshape(steps, -1)
+
+    def _put_down(self, start: Start) -> tuple[Array, Angles]:
+        """Return the settled posture at ``start``, lying on the ground, and the angles that it is turned by."""
+        angles_rad = _lying(self.world, start)
+        centre_m = self.body.centre_m(self._settled_nodes_m)
+        placed = turned(self._settled, angles_rad, centre_m)
+        placed[:, :2] += [start.x_m - centre_m[0], start.y_m - centre_m[1]]
+        nodes_m = nodes_of(placed, self._halves_m)
+        gap_m = np.min(nodes_m[:, 2] - self.world.height_m(nodes_m[:, 0], nodes_m[:, 1]))
+        placed[:, 2] += self._settled_nodes_m[:, 2].min() - gap_m
+        return placed, angles_rad
+
+    def _check_place(self) -> None:
+        farthest_m = np.abs(self._motion.posture()[:, :2]).max()
+        if isinstance(self.world.ground, Hills) and farthest_m > HILLS_HALF_WIDTH_M:
+            raise DeviceFault("off the hills", f"the robot left the hills, which end at {HILLS_HALF_WIDTH_M:g} m")
+
+
+class _Motion:
+    """A motion of a model, computed piece by piece, each piece many steps.
+
+    The state is a row of MuJoCo's ``mjSTATE_FULLPHYSICS``: the time, 7 coordinates of each strut, 6 speeds of each.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        from mujoco import MjData
+        from mujoco.rollout import Rollout
+
+        self._model, self._data, self._still = model, MjData(model), MjData(model)
+        self._rollout = Rollout(nthread=0)
+        self._coordinates = slice(1, 1 + model.nq)
+
+    def begin(self, posture: Array) -> None:
+        """Go on from rest in ``posture``, at time 0."""
+        self._state = np.concatenate([[0.0], posture.ravel(), np.zeros(self._model.nv)])
+        self._control = np.zeros(self._model.nu)
+        self._data.qacc_warmstart[:] = 0.0
+
+    def go_on(self, controls: Array) -> None:
+        """Make a step for each row of ``controls``, shape (steps, 3 * motors).
+
+        The contact solver starts from where it ended, so that a motion in pieces is the same as in one.
+        """
+        warm = self._data.qacc_warmstart[None].copy()
+        states, _ = self._rollout.rollout(self._model, self._data, self._state, controls[None], initial_warmstart=warm)
+        self._state = states[0, -1]
+        self._control = controls[-1]
+
+    def posture(self) -> Array:
+        """Return where the struts are."""
+        return self._state[self._coordinates].reshape(-1, 7)
+
+    def forces(self, body: Body) -> Forces:
+        """Return what acts on the body in this state."""
+        from mujoco import mj_forward, mj_setState, mjtState
+
+        # Beside the motion: what its own data hold must not change.
+        data = self._still
+        mj_setState(self._model, data, self._state, mjtState.mjSTATE_FULLPHYSICS)
+        data.qacc_warmstart[:] = self._data.qacc_warmstart
+        data.ctrl[:] = self._control
+        mj_forward(self._model, data)
+        return forces_in(self._model, data, body)
+
+    def check(self, time_s: float) -> None:
+        """Raise Diverged if this is not a state that a robot can be in, or not that of ``time_s``."""
+        speeds_m_s = np.linalg.norm(self._state[self._coordinates.stop :].reshape(-1, 6)[:, :3], axis=1)
+        if not (np.isfinite(self._state).all() and speeds_m_s.max() < FASTEST_M_S):
+            raise Diverged(
+                f"the spatial twin broke down at {time_s:.3f} s: a strut moves at {speeds_m_s.max():.3g} m/s"
+            )
+        if abs(self._state[0] - time_s) > 1e-6:
+            # MuJoCo stops at a state it does not like and keeps it, which would pass for a robot that rests.
+            raise Diverged(f"the spatial twin broke down at {self._state[0]:.3f} s: MuJoCo went no further")
+
+
+def _lying(world: World, start: Start) -> Angles:
+    """Return yaw, pitch and roll of a robot that lies along the ground at ``start``, but for the start's own tilt."""
+    # Points ahead, behind, to the left and to the right, about where the feet are.
+    around = start.yaw_rad + np.array([0.0, math.pi, math.pi / 2.0, -math.pi / 2.0])
+    ahead, behind, left, right = world.height_m(
+        start.x_m + FOOT_M * np.cos(around), start.y_m + FOOT_M * np.sin(around)
+    ).tolist()
+    pitch_rad = math.atan2(behind - ahead, 2.0 * FOOT_M)
+    roll_rad = math.atan2((left - right) * math.cos(pitch_rad), 2.0 * FOOT_M)
+    return start.yaw_rad, start.pitch_rad + pitch_rad, roll_rad
+
+
+@lru_cache(maxsize=64)
+def _settled(body: Body, gravity_m_s2: float, friction: float, time_step_s: float) -> Array:
+    """Return the posture in which the body stands on level ground: put down in its design state and left alone."""
+    model = compiled(body, World(gravity_m_s2, friction, Flat()), time_step_s)
+    design = model.qpos0.reshape(-1, 7).copy()
+    design[:, 2] += body.struts[0].radius_m
+    motion = _Motion(model)
+    motion.begin(design)
+    motion.go_on(np.zeros((round(SETTLING_S / time_step_s), model.nu)))
+    motion.check(SETTLING_S)
+    return motion.posture().copy()
+
+
+def _halves_m(body: Body) -> Array:
+    nodes_m = np.array(body.nodes_m)
+    return np.asarray(np.linalg.norm(nodes_m[0::2] - nodes_m[1::2], axis=1) / 2.0)

@@ -1,0 +1,203 @@
+"""Writes a body and a world down as a MuJoCo model: struts as rigid bodies, springs as tendons, motors as site forces.
+
+Strut ``i`` is body ``i + 1``, its axis its own z. Motor ``k`` has the controls ``3 k`` (force along the strut's x),
+``3 k + 1`` (force along its y) and ``3 k + 2`` (torque about its axis).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vvvaltr.twin.body import Body, Shape
+from vvvaltr.twin.world import Ground, Hills, Slope, World
+
+if TYPE_CHECKING:
+    import mujoco
+
+Array = NDArray[np.float64]
+
+HOOK_M = 0.002  # springs hang on hooks beside the strut: on its axis they would leave its spin free
+AXIAL_GYRATION_M = 0.006  # board, battery and motor sit beside the axis and make up most of the axial inertia
+HILLS_HALF_WIDTH_M = 1.5
+POINTS_PER_WAVE = 10
+ITERATIONS = 30
+SOLREF = (0.004, 1.0)  # MuJoCo's words for a contact: time constant and damping ratio; stiffness against depth
+SOLIMP = (0.9, 0.95, 0.0005, 0.5, 2.0)
+
+
+def compiled(body: Body, world: World, time_step_s: float, hook_m: float = HOOK_M) -> mujoco.MjModel:
+    """Return the model, with the body at its design state.
+
+    Args:
+        body: what moves.
+        world: where it moves.
+        time_step_s: of the integration.
+        hook_m: distance of the springs' ends from the struts' axes.
+
+    Raises:
+        ValueError: MuJoCo is not installed.
+    """
+    spec = _quiet_mujoco().MjSpec()
+    _set_options(spec, world.gravity_m_s2, time_step_s)
+    _add_ground(spec, world.ground)
+    frames = strut_frames(np.array(body.nodes_m))
+    for strut, frame in enumerate(frames):
+        _add_strut(spec, body, strut, frame)
+        _let_touch(spec, strut, world.friction)
+    for spring in range(len(body.springs)):
+        _add_spring(spec, body, spring, frames, hook_m)
+    for number, motor in enumerate(body.motors):
+        _add_motor(spec, number, motor.strut)
+    return spec.compile()
+
+
+def strut_frames(nodes_m: Array) -> Array:
+    """Return each strut's axes as the columns of a matrix, shape (struts, 3, 3), for nodes of shape (2 * struts, 3).
+
+    z points from bottom to top, x is level; so struts that a turn about the vertical carries into each other have
+    frames, and with them motors, that it carries too.
+    """
+    z = nodes_m[0::2] - nodes_m[1::2]
+    z /= np.linalg.norm(z, axis=1, keepdims=True)
+    x = np.cross([0.0, 0.0, 1.0], z)
+    x[np.linalg.norm(x, axis=1) < 1e-9] = [1.0, 0.0, 0.0]
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def _quiet_mujoco() -> Any:
+    """Import MuJoCo and keep its own log off disk and screen: the engine itself says what went wrong."""
+    try:
+        import mujoco
+    except ModuleNotFoundError:
+        raise ValueError('the spatial twin needs MuJoCo: pip install "vvvaltr[spatial]"') from None
+    log = mujoco.MjLogConfig.get()
+    log.logto_file = log.logto_console = False
+    log.set()
+    return mujoco
+
+
+def _set_options(spec: mujoco.MjSpec, gravity_m_s2: float, time_step_s: float) -> None:
+    import mujoco
+
+    option, off = spec.option, mujoco.mjtDisableBit
+    option.timestep = time_step_s
+    option.gravity = [0.0, 0.0, -gravity_m_s2]
+    option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    # With this handful of contacts the sweeping solver agrees with Newton's to 1e-8 m in half of its time.
+    option.solver = mujoco.mjtSolver.mjSOL_PGS
+    option.iterations = ITERATIONS
+    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    # Without the automatic reset, a state that broke down stays broken and is seen.
+    option.disableflags = off.mjDSBL_AUTORESET.value | off.mjDSBL_ISLAND.value
+
+
+def _add_ground(spec: mujoco.MjSpec, ground: Ground) -> None:
+    import mujoco
+
+    if isinstance(ground, Hills):
+        shape = {
+            "type": mujoco.mjtGeom.mjGEOM_HFIELD,
+            "hfieldname": "hills",
+            "pos": [0.0, 0.0, _add_hills(spec, ground)],
+        }
+    else:
+        half_rad = ground.angle_rad / 2.0 if isinstance(ground, Slope) else 0.0
+        turn = [math.cos(half_rad), 0.0, -math.sin(half_rad), 0.0]
+        shape = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0.0, 0.0, 1.0], "quat": turn}
+    spec.worldbody.add_geom(name="ground", contype=0, conaffinity=0, **shape)
+
+
+def _add_hills(spec: mujoco.MjSpec, hills: Hills) -> float:
+    """Add the height field and return the height of its lowest point."""
+    points = 1 + math.ceil(2.0 * HILLS_HALF_WIDTH_M * POINTS_PER_WAVE / hills.wavelength_m)
+    line = np.linspace(-HILLS_HALF_WIDTH_M, HILLS_HALF_WIDTH_M, points)
+    heights = hills.at(line[None, :], line[:, None])  # a row of the field is a line of one y
+    low, high = float(heights.min()), float(heights.max())
+    spec.add_hfield(
+        name="hills",
+        nrow=points,
+        ncol=points,
+        size=[HILLS_HALF_WIDTH_M, HILLS_HALF_WIDTH_M, max(high - low, 1e-9), 0.1],
+        userdata=heights.ravel(),
+    )
+    return low
+
+
+def _add_strut(spec: mujoco.MjSpec, body: Body, strut: int, frame: Array) -> None:
+    import mujoco
+
+    half_m, middle_m = _half_m(body, strut), (_node(body, 2 * strut) + _node(body, 2 * strut + 1)) / 2.0
+    mass_kg, radius_m = float(body.masses_kg[strut]), body.struts[strut].radius_m
+    across = mass_kg * half_m**2 / 3.0
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, frame.ravel())
+    part = spec.worldbody.add_body(
+        name=f"strut{strut}",
+        pos=middle_m,
+        quat=quaternion,
+        explicitinertial=True,
+        mass=mass_kg,
+        ipos=[0.0, 0.0, 0.0],
+        inertia=[across, across, mass_kg * AXIAL_GYRATION_M**2],
+    )
+    part.add_freejoint()
+    if body.struts[strut].shape is Shape.CAPSULE:
+        shape = {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "size": [radius_m, half_m, 0.0]}
+    else:
+        shape = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": [radius_m, radius_m, half_m]}
+    part.add_geom(name=f"strut{strut}", contype=0, conaffinity=0, **shape)
+
+
+def _let_touch(spec: mujoco.MjSpec, strut: int, friction: float) -> None:
+    """Let a strut touch the ground, and nothing else. Named pairs spare MuJoCo the search for what may touch what."""
+    sliding, turning, rolling = max(friction, 1e-5), 0.005, 0.0001
+    spec.add_pair(
+        geomname1="ground",
+        geomname2=f"strut{strut}",
+        condim=3,
+        friction=[sliding, sliding, turning, rolling, rolling],
+        solref=SOLREF,
+        solimp=SOLIMP,
+    )
+
+
+def _add_spring(spec: mujoco.MjSpec, body: Body, number: int, frames: Array, hook_m: float) -> None:
+    spring = body.springs[number]
+    tendon = spec.add_tendon(
+        name=f"spring{number}",
+        stiffness=spring.stiffness_n_m,
+        damping=spring.damping_n_s_m,
+        springlength=[0.0 if body.tension_only else spring.rest_m, spring.rest_m],
+    )
+    for node, other in (spring.nodes, spring.nodes[::-1]):
+        strut, side = node // 2, 1.0 - 2.0 * (node % 2)
+        towards = frames[strut].T @ (_node(body, other) - _node(body, node))
+        aside = towards * [1.0, 1.0, 0.0]
+        place_m = hook_m * aside / max(float(np.linalg.norm(aside)), 1e-9)
+        place_m[2] = side * _half_m(body, strut)
+        site = spec.body(f"strut{strut}").add_site(name=f"hook{number}.{node}", pos=place_m)
+        tendon.wrap_site(site.name)
+
+
+def _add_motor(spec: mujoco.MjSpec, number: int, strut: int) -> None:
+    import mujoco
+
+    spec.body(f"strut{strut}").add_site(name=f"motor{number}")
+    for axis in (0, 1, 5):
+        gear = [0.0] * 6
+        gear[axis] = 1.0
+        spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_SITE, target=f"motor{number}", gear=gear)
+
+
+def _node(body: Body, node: int) -> Array:
+    return np.array(body.nodes_m[node])
+
+
+def _half_m(body: Body, strut: int) -> float:
+    return float(np.linalg.norm(_node(body, 2 * strut) - _node(body, 2 * strut + 1))) / 2.0
