@@ -14,9 +14,9 @@ import tomli_w
 from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.document import typed
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.robot.choice import RobotChoice, option
-from vvvaltr.controller.loop.scoring import SCORES
 from vvvaltr.controller.core.values import Quantity
+from vvvaltr.controller.loop.scoring import SCORES
+from vvvaltr.controller.robot.choice import RobotChoice, option
 
 FORMAT = 1
 

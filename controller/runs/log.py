@@ -21,10 +21,18 @@ from mcap.writer import CompressionType, Writer
 from vvvaltr.controller.core.disk import sync_folder
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.values import (
+    Command,
+    MotorState,
+    Pose,
+    Source,
+    Structure,
+    Suggestion,
+    Trial,
+)
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, NewFile, TornFile, entries, lock, register
-from vvvaltr.controller.core.values import Command, MotorState, Pose, Recommendation, Source, Structure, Suggestion, Trial
 
 LOG_NAME = "trials.mcap"
 FORMAT = 1

@@ -11,17 +11,16 @@ from typing import Any
 
 import msgspec
 
-from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
-from vvvaltr.controller.core.errors import one_line_errors
 from vvvaltr.controller.core.disk import new_folder, write_whole
+from vvvaltr.controller.core.errors import UserError, one_line_errors
 from vvvaltr.controller.core.protocols import Optimizer
-from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.loop.learn import Budget, learn, source_from, summary
-from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.runs.config import RunConfig, check_config, load_config, refuse_difference, save_config
-from vvvaltr.controller.robot.choice import option
 from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity, Source
+from vvvaltr.controller.loop.learn import Budget, learn, source_from, summary
+from vvvaltr.controller.robot.choice import option
+from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
+from vvvaltr.controller.runs.config import RunConfig, check_config, load_config, refuse_difference, save_config
+from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
 from vvvaltr.transfer.methods.registry import make_optimizer
 
 

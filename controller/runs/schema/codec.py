@@ -15,8 +15,23 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from vvvaltr.controller.core.values import (
+    Command,
+    Estimate,
+    Forces,
+    Gait,
+    MotorState,
+    Outcome,
+    Pose,
+    Recommendation,
+    Source,
+    Structure,
+    Suggestion,
+    Terrain,
+    Trial,
+    Vector,
+)
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
-from vvvaltr.controller.core.values import Command, Estimate, Forces, Gait, MotorState, Outcome, Pose, Recommendation, Source, Structure, Suggestion, Terrain, Trial, Vector
 
 
 def gait_message(gait: Gait) -> pb.Gait:
