@@ -15,6 +15,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.values import Structure, Terrain, Vector
 
 Number = TypeVar("Number", float, NDArray[np.float64])
@@ -221,7 +222,7 @@ BODIES: dict[str, Callable[[Parts], Body]] = {"prism3": prism3, "icosahedron6": 
 def body_named(name: str, parts: Parts) -> Body:
     """Return the body that the command line calls ``name``. Raises ValueError for an unknown name."""
     if name not in BODIES:
-        raise ValueError(f"no body is called {name!r}; there are {', '.join(BODIES)}")
+        raise ValueError(unknown("body", name, BODIES))
     return BODIES[name](parts)
 
 

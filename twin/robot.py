@@ -10,6 +10,7 @@ from typing import Self
 
 import numpy as np
 
+from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, MotorState, Pose, Quantity, Structure
 from vvvaltr.twin.body import ForceLaw, Parts, body_named, damaged
@@ -244,6 +245,6 @@ def _with_law(
     parts: Parts, laws: Mapping[str, tuple[ForceLaw, tuple[float, float]]], law: str
 ) -> tuple[Parts, tuple[float, float]]:
     if law not in laws:
-        raise ValueError(f"no force law is called {law!r}; there are {', '.join(laws)}")
+        raise ValueError(unknown("force law", law, laws))
     force, range_hz = laws[law]
     return replace(parts, law=force, max_hz=range_hz[1]), range_hz

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vvvaltr.controller.core import values as types
+from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.streams import stream
 
 Array = NDArray[np.float64]
@@ -145,7 +146,7 @@ def world_named(text: str, gravity_m_s2: float | None = None, friction: float | 
 def _ground(text: str) -> Ground:
     kind, _, settings = text.partition(":")
     if kind not in GROUNDS:
-        raise ValueError(f"world {text!r}: there are {', '.join(GROUNDS)}")
+        raise ValueError(unknown("world", kind, GROUNDS))
     try:
         return GROUNDS[kind](**dict(_setting(kind, part) for part in settings.split(",") if settings))
     except ValueError as error:
@@ -157,7 +158,7 @@ def _setting(kind: str, text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
     names = list(signature(GROUNDS[kind]).parameters)
     if name not in names:
-        raise ValueError(f"{text!r} is not a setting of {kind}; there are {', '.join(names) or 'none'}")
+        raise ValueError(unknown(f"setting of {kind}", name, names) if names else f"{kind} has no settings")
     try:
         return name, int(value) if name == "seed" else float(value)
     except ValueError:

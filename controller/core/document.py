@@ -13,13 +13,14 @@ import msgspec
 import tomli_w
 from msgspec import inspect
 
-from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.errors import NotUnderstood, UserError
+from vvvaltr.controller.core.spelling import did_you_mean
 
 _T = TypeVar("_T")
 
 
 def load_document(path: Path, kind: type[_T]) -> _T:
-    """Read ``path``, JSON if it is called so and TOML otherwise. Raises UserError."""
+    """Read ``path``, JSON if it is called so and TOML otherwise. Raises UserError; NotUnderstood for its contents."""
     try:
         text = path.read_text(encoding="utf-8")
         content = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
@@ -28,16 +29,16 @@ def load_document(path: Path, kind: type[_T]) -> _T:
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from None
     except ValueError as error:  # of TOML, JSON and UTF-8 alike
-        raise UserError(f"{path} cannot be read: {error}") from None
+        raise NotUnderstood(f"{path} cannot be read: {error}; mend that line") from None
     return typed(content, kind, str(path))
 
 
 def typed(content: Any, kind: type[_T], name: str) -> _T:
-    """Return plain ``content``, read from ``name``, as a ``kind``. Raises UserError."""
+    """Return plain ``content``, read from ``name``, as a ``kind``. Raises NotUnderstood."""
     try:
         return msgspec.convert(content, kind)
     except msgspec.ValidationError as error:
-        raise UserError(f"{name}: {_explained(str(error), content, kind)}") from None
+        raise NotUnderstood(f"{name}: {_explained(str(error), content, kind)}") from None
 
 
 def to_toml(content: Mapping[str, Any], within: str = "") -> str:
@@ -72,11 +73,14 @@ def _explained(message: str, content: Any, kind: type[Any]) -> str:
         value = value[int(step)] if isinstance(value, list) else value.get(step, value)
     key = _named(steps)
     if unknown := re.search(r"unknown field `(\w+)`", complaint):
-        return f"{_within(key)}{unknown[1]} is no key; allowed: {', '.join(_fields(node, value))}"
+        fields = _fields(node, value)
+        guess = did_you_mean(unknown[1], fields)
+        return f"{_within(key)}{unknown[1]} is not a known key{guess}; allowed: {', '.join(fields)}"
     if missing := re.search(r"missing required field `(\w+)`", complaint):
         return f"{_within(key)}{missing[1]} is missing"
     if choices := _choices(node):
-        return f"{key} is {value!r}; allowed: {', '.join(choices)}"
+        guess = did_you_mean(str(value), [choice.strip("'") for choice in choices])
+        return f"{key} is {value!r}{guess}; allowed: {', '.join(choices)}"
     shown = "" if isinstance(value, dict | list) else f" is {value!r}"
     return f"{key}{shown}: {complaint[:1].lower()}{complaint[1:]}".lstrip(": ")
 

@@ -42,13 +42,17 @@ class SafetyStop(Exception):
 
 
 class UserError(Exception):
-    """Bad input: one line that names what was wrong, and the cure."""
+    """What a user can put right: one line that names what was wrong, and the cure."""
+
+
+class NotUnderstood(UserError):
+    """A word of the command line, or of a file named there, that means nothing: an unknown name, key or value."""
 
 
 @contextmanager
 def one_line_errors() -> Iterator[None]:
-    """Turn a ValueError of the rooms below, which speaks of what a user gave, into a UserError."""
+    """Turn a ValueError of the rooms below, which speaks of what a user gave, into NotUnderstood."""
     try:
         yield
     except ValueError as error:
-        raise UserError(str(error)) from error
+        raise NotUnderstood(str(error)) from error

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from vvvaltr.controller.core.errors import UserError, one_line_errors
+from vvvaltr.controller.core.errors import NotUnderstood, one_line_errors
+from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.choice import RobotChoice, option
@@ -40,7 +41,7 @@ def choose_robot(asked: dict[str, Any]) -> RobotChoice:
     """Return the complete choice for what was asked, keyed as in RobotChoice.
 
     Raises:
-        UserError: there is no such robot, or its file is bad.
+        UserError: there is no such robot, or its file cannot be read (NotUnderstood), or there is no such file.
     """
     name = asked.get("name", "planar")
     if name in TWINS:
@@ -48,10 +49,10 @@ def choose_robot(asked: dict[str, Any]) -> RobotChoice:
         with one_line_errors():
             return _explicit(RobotChoice(**{**usual, **asked, "name": name}))
     if not name.endswith(".toml"):
-        raise UserError(_unknown(name))
+        raise NotUnderstood(_unknown(name))
     if condition := [key for key in asked if key != "name"]:
-        raise UserError(
-            f"{option(condition[0])}: only a twin's can be chosen, and {name} is a real robot; leave it out"
+        raise NotUnderstood(
+            f"{option(condition[0])} sets the condition of a twin, and {name} is a real robot; leave it out"
         )
     from vvvaltr.controller.robot.robot_file import load_robot_file
 
@@ -59,7 +60,7 @@ def choose_robot(asked: dict[str, Any]) -> RobotChoice:
 
 
 def _unknown(name: str) -> str:
-    return f"robot {name!r} is unknown: say {', '.join(TWINS)}, or name a robot's file, FILE.toml"
+    return f"{unknown('robot', name, TWINS)}, or name a robot's file, FILE.toml"
 
 
 def _explicit(choice: RobotChoice) -> RobotChoice:

@@ -10,7 +10,7 @@ import msgspec
 from msgspec import Meta
 
 from vvvaltr.controller.core.document import load_document, typed
-from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.errors import NotUnderstood
 from vvvaltr.controller.loop.safety import Arena, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.drivers.links.curve import Curve
@@ -186,12 +186,12 @@ def robot_file_from(content: Mapping[str, Any], name: str) -> RobotFile:
 
 
 def _checked(robot: RobotFile, name: str) -> RobotFile:
-    """Return ``robot`` if it makes sense as a whole. Raises UserError."""
+    """Return ``robot`` if it makes sense as a whole. Raises NotUnderstood."""
     try:
         _check_motors(robot)
         _check_rest(robot)
     except ValueError as error:
-        raise UserError(f"{name}: {error}") from None
+        raise NotUnderstood(f"{name}: {error}") from None
     return robot
 
 

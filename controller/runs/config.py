@@ -14,6 +14,7 @@ import tomli_w
 from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.document import typed
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.spelling import did_you_mean
 from vvvaltr.controller.core.values import Quantity
 from vvvaltr.controller.loop.scoring import SCORES
 from vvvaltr.controller.robot.choice import RobotChoice, option
@@ -63,7 +64,8 @@ def check_config(config: RunConfig, spell: Callable[[str], str] = str) -> None:
             allowed = f"{low:g} to {high:g}" if high < math.inf else f"a finite number, {low:g} or more"
             raise ValueError(f"{spell(key)} is {value:g}; allowed: {allowed}")
     if config.score not in SCORES:
-        raise ValueError(f"{spell('score')} is {config.score!r}; allowed: {', '.join(SCORES)}")
+        guess = did_you_mean(config.score, SCORES)
+        raise ValueError(f"{spell('score')} is {config.score!r}{guess}; allowed: {', '.join(SCORES)}")
     if wrong := set(config.optimise) - set(Quantity):
         raise ValueError(f"{spell('optimise')}: {min(wrong)!r} is unknown; allowed: {', '.join(Quantity)}")
     if Quantity.FREQUENCY not in config.optimise or len(set(config.optimise)) < len(config.optimise):

@@ -154,6 +154,6 @@ def test_any_other_text_is_refused_in_one_line(text):
 
 
 def test_an_unknown_body_is_refused_with_the_known_ones():
-    with pytest.raises(ValueError, match="no body is called 'cube'; there are prism3, icosahedron6"):
+    with pytest.raises(ValueError, match="unknown body 'cube'; choose one of prism3, icosahedron6"):
         body_named("cube", PLANAR_PARTS)
     assert set(BODIES) == {"prism3", "icosahedron6"}

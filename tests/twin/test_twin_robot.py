@@ -155,8 +155,8 @@ def test_the_motors_take_frequency_phase_and_amplitude():
 @pytest.mark.parametrize(
     ("make", "complaint"),
     [
-        (partial(planar_robot, body="cube"), "no body is called 'cube'"),
-        (partial(planar_robot, law="magic"), "no force law is called 'magic'; there are eccentric, constant"),
+        (partial(planar_robot, body="cube"), "unknown body 'cube'; choose one of prism3, icosahedron6"),
+        (partial(planar_robot, law="magic"), "unknown force law 'magic'; choose one of eccentric, constant"),
         (partial(planar_robot, damage=["snap:9"]), "damage 'snap:9': no spring 9; there are springs 0 to 8"),
     ],
 )

@@ -18,9 +18,9 @@ def test_a_world_is_read_as_the_command_line_writes_it():
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("moon", "world 'moon': there are flat, hills, slope"),
-        ("flat:x=1", "world 'flat:x=1': 'x=1' is not a setting of flat; there are none"),
-        ("hills:tall=1", "'tall=1' is not a setting of hills; there are height_m, wavelength_m, seed"),
+        ("moon", "unknown world 'moon'; choose one of flat, hills, slope"),
+        ("flat:x=1", "world 'flat:x=1': flat has no settings"),
+        ("hills:tall=1", "unknown setting of hills 'tall'; choose one of height_m, wavelength_m, seed"),
         ("hills:seed=a", "seed is 'a', which is not a whole number"),
         ("hills:height_m=a", "height_m is 'a', which is not a number"),
         ("hills:height_m=9", "height_m is 9, allowed is 0 to 0.1"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.twin.world import Hills, World
 
 
@@ -121,6 +122,5 @@ def pairs_named(robot: str, asked: str) -> tuple[Pair, ...]:
     known = {pair.key: pair for pair in pairs(robot)}
     keys = GROUPS.get(asked) or ((asked,) if asked in known else ())
     if not keys:
-        names = ", ".join(dict.fromkeys((*GROUPS, *known)))
-        raise ValueError(f"there is no experiment {asked!r}: say {names}")
+        raise ValueError(unknown("experiment", asked, dict.fromkeys((*GROUPS, *known))))
     return tuple(known[key] for key in keys)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from vvvaltr.controller.core.protocols import Optimizer
+from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.values import GaitSpace, Source
 from vvvaltr.transfer.methods.efficient_bo import EfficientBO
 from vvvaltr.transfer.methods.guarded import Guarded
@@ -86,7 +87,7 @@ def make_optimizer(method: str, space: GaitSpace, seed: int, sources: Sequence[S
         ValueError: there is no such method, it needs a source or takes none, or a source has another number of motors.
     """
     if method not in METHODS:
-        raise ValueError(f"there is no method {method!r}: choose one of {', '.join(METHODS)}")
+        raise ValueError(unknown("method", method, METHODS))
     if METHODS[method].uses_sources and not sources:
         raise ValueError(f"method {method!r} learns from an earlier run: give it a source")
     if sources and not METHODS[method].uses_sources:

@@ -47,7 +47,7 @@ def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     ("old", "new", "key"),
     [
         ('score = "net"', 'score = "x"', "score is 'x'; allowed: net"),
-        ('name = "planar"', 'name = "foo"', "robot 'foo' is unknown"),
+        ('name = "planar"', 'name = "foo"', "unknown robot 'foo'"),
         ('method = "plain"', 'method = "magic"', "'magic'"),
         ('world = "flat"', 'world = "moon"', "'moon'"),
         ("    16.7,\n", "    99.0,\n", "range_hz: motor 1: 99 Hz"),
