@@ -196,7 +196,8 @@ def test_an_unwritable_recording_is_refused_by_name(tmp_path: Path) -> None:
 def test_a_full_disk_ends_the_recording_leaves_nothing_and_does_not_fail_the_run(tmp_path: Path) -> None:
     run = tmp_path / "run"
     program = (
-        "import resource, signal, sys; from controller import showing; from vvvaltr.controller.cli.main import main\n"
+        "import resource, signal, sys\n"
+        "from vvvaltr.controller.view import showing; from vvvaltr.controller.cli.main import main\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); save = showing.save_run\n"
         "def save_on_little_room(*paths):\n"
         "    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); save(*paths)\n"
