@@ -22,9 +22,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     import numpy as np
-    from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from vvvaltr.controller.core.arrays import Array
 
 TRIALS = 40
 POINTS = 50

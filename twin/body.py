@@ -13,12 +13,12 @@ from enum import StrEnum
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.values import Structure, Terrain, Vector
 
-Number = TypeVar("Number", float, NDArray[np.float64])
+Number = TypeVar("Number", float, Array)
 
 
 class Shape(StrEnum):
@@ -116,7 +116,7 @@ class Body:
     tension_only: bool
 
     @property
-    def masses_kg(self) -> NDArray[np.float64]:
+    def masses_kg(self) -> Array:
         """Masses of the struts with their motors, shape (struts,)."""
         masses = np.array([strut.mass_kg for strut in self.struts])
         for motor in self.motors:
@@ -124,12 +124,12 @@ class Body:
         return masses
 
     @property
-    def node_shares(self) -> NDArray[np.float64]:
+    def node_shares(self) -> Array:
         """Each strut end's share of the whole mass, shape (2 * struts,)."""
         masses_kg = self.masses_kg
         return np.asarray(np.repeat(masses_kg, 2) / (2.0 * masses_kg.sum()))
 
-    def centre_m(self, nodes_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def centre_m(self, nodes_m: Array) -> Array:
         """Return the centre of mass sum(m_i r_i) / sum(m_i), shape (3,), for nodes of shape (2 * struts, 3)."""
         return np.asarray(self.node_shares @ nodes_m)
 
@@ -301,9 +301,7 @@ def _checked(kind: str, number: int, count: int) -> int:
     return number
 
 
-def _assembled(
-    name: str, nodes_m: NDArray[np.float64], springs: str, motor_struts: tuple[int, ...], parts: Parts
-) -> Body:
+def _assembled(name: str, nodes_m: Array, springs: str, motor_struts: tuple[int, ...], parts: Parts) -> Body:
     nodes_m = nodes_m - [0.0, 0.0, nodes_m[:, 2].min()]
     struts = len(nodes_m) // 2
     strut_kg = (parts.total_kg - len(motor_struts) * parts.motor_kg) / struts
@@ -321,7 +319,7 @@ def _motor(strut: int, parts: Parts) -> Motor:
     return Motor(strut, parts.law, parts.motor_kg, parts.max_hz, parts.spin_up_s, parts.rotor_kg_m2)
 
 
-def _spring(text: str, nodes_m: NDArray[np.float64], parts: Parts) -> Spring:
+def _spring(text: str, nodes_m: Array, parts: Parts) -> Spring:
     first, second = (2 * int(end[0]) - 2 + "tb".index(end[1]) for end in text.split("-"))
     design_m = float(np.linalg.norm(nodes_m[first] - nodes_m[second]))
     return Spring((first, second), parts.rest_share * design_m, parts.stiffness_n_m, parts.damping_n_s_m)

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.errors import DeviceFault
 from vvvaltr.controller.core.values import Forces, Gait
 from vvvaltr.twin.body import Body
@@ -71,7 +69,7 @@ class Engine(Protocol):
         """
         ...
 
-    def nodes_m(self) -> NDArray[np.float64]:
+    def nodes_m(self) -> Array:
         """Positions of the strut ends, shape (2 * struts, 3)."""
         ...
 

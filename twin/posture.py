@@ -10,9 +10,9 @@ import math
 from math import cos, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vvvaltr.controller.core.arrays import Array
+
 Angles = tuple[float, float, float]
 
 

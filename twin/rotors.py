@@ -8,10 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.twin.body import Motor
-
-Array = NDArray[np.float64]
 
 SAME_HZ = 1e-6  # closer to the commanded frequency, a motor has reached it
 

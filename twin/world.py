@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from inspect import signature
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vvvaltr.controller.core import values as types
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.streams import stream
-
-Array = NDArray[np.float64]
 
 
 def _allow(name: str, value: float, low: float, high: float) -> None:

@@ -14,8 +14,8 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Gait, Outcome
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
@@ -34,7 +34,7 @@ class Panel:
 
     motors: tuple[int, int]
     frequency_hz: tuple[float, ...]
-    speed_m_s: NDArray[np.float64]
+    speed_m_s: Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Gait, Pose, Structure, Terrain, Trial
 from vvvaltr.controller.runs.log import trial_span_ns
@@ -22,7 +22,6 @@ from vvvaltr.controller.view.scene_forces import force_columns, send_force_style
 if TYPE_CHECKING:
     import rerun as rr
 
-Array = NDArray[np.float64]
 _Colour = tuple[int, int, int]
 _When = tuple[float, int]  # seconds since the run began, number of the trial
 

@@ -7,14 +7,12 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vvvaltr.controller.core.values import Forces, Pose, Structure, Vector
 
 if TYPE_CHECKING:
     import rerun as rr
 
-Array = NDArray[np.float64]
 When = tuple[float, int]  # seconds since the run began, number of the trial
 
 _UNKNOWN = (150, 158, 170)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Parameter, Quantity
 
@@ -72,7 +73,7 @@ def send_maps(recording: rr.RecordingStream, learned: Learned, trials: Sequence[
         _send_axes(recording, pair, low, high)
 
 
-def _speeds_mm_s(learned: Learned, pair: Pair, held: Gait) -> NDArray[np.float64]:
+def _speeds_mm_s(learned: Learned, pair: Pair, held: Gait) -> Array:
     """Return the expected speeds, shape (points, points): row for the second motor, column for the first."""
     gaits = []
     for second in np.linspace(pair[1].low, pair[1].high, _POINTS):
@@ -89,14 +90,14 @@ def _place(pair: Pair, first_hz: float, second_hz: float) -> tuple[float, float]
     return 0.5 + across * (_POINTS - 1), 0.5 + (1.0 - up) * (_POINTS - 1)
 
 
-def _send_map(recording: rr.RecordingStream, pair: Pair, shares: NDArray[np.float64]) -> None:
+def _send_map(recording: rr.RecordingStream, pair: Pair, shares: Array) -> None:
     import rerun as rr
 
     picture = rr.Image(_colours(np.flipud(shares)), magnification_filter="Linear")
     recording.log(f"{map_path(pair)}/speed", picture, static=True)
 
 
-def _colours(shares: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _colours(shares: Array) -> NDArray[np.uint8]:
     """Return colours of shape (..., 3) for numbers from 0 to 1."""
     places = np.linspace(0.0, 1.0, len(_VIRIDIS))
     return np.stack([np.interp(shares, places, part) for part in _VIRIDIS.T], axis=-1).astype(np.uint8)

@@ -7,14 +7,18 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vvvaltr.controller.core.arrays import Array
 
-SCAN = 500
-LOCAL = 100
-STARTS = 6
-STEPS = 9
+SCAN_PLACES, NEAR_PLACES = 500, 100
+"""Random places that the search begins with: over the whole cube, and near promising places."""
+
+NEAR_SD = 0.05
+"""Standard deviation of the distance from a promising place, for each parameter."""
+
+ASCENT_STARTS, ASCENT_STEPS, FIRST_STEP = 6, 9, 0.05
+"""Gradient ascent: best places that it starts from, steps that it takes, and length of the first step."""
+
 LOG_ROOT_2_PI = 0.5 * math.log(2.0 * math.pi)
 
 
@@ -128,17 +132,17 @@ def maximise(acquisition: Acquisition, around: Array, rng: np.random.Generator) 
         rng: where the random places come from.
     """
     dimension = around.shape[1]
-    near = around[rng.integers(len(around), size=LOCAL)] + rng.normal(0.0, 0.05, (LOCAL, dimension))
-    candidates = np.clip(np.concatenate([around, near, rng.random((SCAN, dimension))]), 0.0, 1.0)
+    near = around[rng.integers(len(around), size=NEAR_PLACES)] + rng.normal(0.0, NEAR_SD, (NEAR_PLACES, dimension))
+    candidates = np.clip(np.concatenate([around, near, rng.random((SCAN_PLACES, dimension))]), 0.0, 1.0)
     order = np.argsort(-acquisition.value(candidates), kind="stable")
-    return _ascended(acquisition, candidates[order[:STARTS]])
+    return _ascend(acquisition, candidates[order[:ASCENT_STARTS]])
 
 
-def _ascended(acquisition: Acquisition, x: Array) -> Array:
+def _ascend(acquisition: Acquisition, x: Array) -> Array:
     """Return the best of places (m, d) after some steps uphill from each, all in one batch."""
     value, gradient = acquisition.value_and_gradient(x)
-    reach = np.full(len(x), 0.05)
-    for _ in range(STEPS):
+    reach = np.full(len(x), FIRST_STEP)
+    for _ in range(ASCENT_STEPS):
         # What points out of the cube is cut off, so that the step is spent along its faces.
         uphill = np.where(((x <= 0.0) & (gradient < 0.0)) | ((x >= 1.0) & (gradient > 0.0)), 0.0, gradient)
         length = np.maximum(np.linalg.norm(uphill, axis=1), 1e-300)

@@ -1,4 +1,4 @@
-"""What an earlier run says by itself."""
+"""What an earlier run, the source of a transfer, says by itself."""
 
 from __future__ import annotations
 
@@ -6,66 +6,85 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import GaitSpace, Source
-from vvvaltr.transfer.bayes.belief import Trials, refitted
+from vvvaltr.transfer.bayes.belief import Trials, refit
 from vvvaltr.transfer.bayes.gp import GaussianProcess, Observations
+from vvvaltr.transfer.bayes.proposal import Proposal, list_proposals
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.search import places
 from vvvaltr.transfer.bayes.spread import spread_out
 
-Array = NDArray[np.float64]
+WARM_TRIALS = 3
+"""Number of the sources' best gaits that a warm start tries first."""
 
 
 @dataclass(frozen=True, slots=True)
 class EarlierRun:
-    """A source's trials, and the process that was fitted to them alone, with its scale."""
+    """A source that has been learned from.
+
+    Args:
+        trials: the source's trials, at their places in the target's unit cube.
+        process: Gaussian process fitted to these trials alone, of standardised scores.
+        scale: scale that the scores are standardised by.
+    """
 
     trials: Trials
     process: GaussianProcess
     scale: Scale
 
     @classmethod
-    def learned(
-        cls, space: GaitSpace, seed: int, source: Source, scaled: Callable[[Array], Scale] = Scale.of
+    def learn(
+        cls, space: GaitSpace, seed: int, source: Source, scale_of: Callable[[Array], Scale] = Scale.of
     ) -> EarlierRun:
-        """Return what a source says by itself, its scores on the scale that ``scaled`` finds for them.
+        """Fit a process to a source by itself.
+
+        Args:
+            space: gaits to search on the target.
+            seed: seed of every random stream.
+            source: the earlier run.
+            scale_of: chooses the scale of the source's scores (n,).
 
         Raises:
-            ValueError: it has another number of motors than the space.
+            ValueError: the source has another number of motors than the space.
         """
         trials = Trials(places(space, source.gaits), np.array(source.scores))
-        scale = scaled(trials.scores)
+        scale = scale_of(trials.scores)
         observations = Observations.alike(trials.x, scale.standardise(trials.scores))
         rng = stream(seed, 0, f"hyperparameters of {source.name}")
-        return cls(trials, refitted(observations, None, 0, rng), scale)
+        return cls(trials, refit(observations, None, 0, rng), scale)
 
-    def predicted(self, x: Array) -> Array:
+    def predict(self, x: Array) -> Array:
         """Return the scores (m,) that the source alone predicts at places (m, d)."""
         return self.scale.scores(self.process.predict(x)[0])
 
     def best(self, count: int) -> Array:
-        """Return the tried places (k, d), k <= count, of the greatest posterior mean, the greatest first, well apart.
+        """Return the best of the places tried, (k, d), k <= count: by posterior mean, the greatest first, well apart.
 
-        A gait out of the target's bounds is drawn to the nearest in them, and judged there.
+        A gait outside the target's bounds is moved to the nearest gait within them, and judged there.
         """
         inside = np.clip(self.trials.x, 0.0, 1.0)
         return spread_out(inside, self.process.predict(inside)[0], count)
 
 
-def learned_from(
-    space: GaitSpace, seed: int, sources: Sequence[Source], scaled: Callable[[Array], Scale] = Scale.of
+def learn_sources(
+    space: GaitSpace, seed: int, sources: Sequence[Source], scale_of: Callable[[Array], Scale] = Scale.of
 ) -> list[EarlierRun]:
-    """Return what each source says by itself, its scores on the scale that ``scaled`` finds for them.
+    """Fit a process to each source by itself; see ``EarlierRun.learn``.
 
     Raises:
-        ValueError: there is none, or one has another number of motors than the space.
+        ValueError: there is no source, or one has another number of motors than the space.
     """
     if not sources:
         raise ValueError("this method learns from an earlier run: give it a source")
-    return [EarlierRun.learned(space, seed, source, scaled) for source in sources]
+    return [EarlierRun.learn(space, seed, source, scale_of) for source in sources]
+
+
+def propose_best(runs: Sequence[EarlierRun]) -> list[Proposal]:
+    """Return the first proposals of a warm start: the sources' best gaits, at most ``WARM_TRIALS`` of them."""
+    return list_proposals(best_of_all(runs, WARM_TRIALS), "best of source")
 
 
 def best_of_all(runs: Sequence[EarlierRun], count: int) -> Array:

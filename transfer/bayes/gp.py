@@ -11,11 +11,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.bayes.minimise import minimise
-
-Array = NDArray[np.float64]
 
 JITTER = 1e-6
 """Share of the signal variance that is added to the kernel's diagonal, so that equal places keep it invertible."""
@@ -105,7 +103,7 @@ class GaussianProcess:
     weights: Array
 
     @classmethod
-    def conditioned(cls, observations: Observations, hyperparameters: Hyperparameters) -> GaussianProcess:
+    def condition(cls, observations: Observations, hyperparameters: Hyperparameters) -> GaussianProcess:
         """Return the posterior under given hyperparameters."""
         covariance, _ = _covariance(observations, hyperparameters, _squared_differences(observations.x))
         inverse_root = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -171,7 +169,7 @@ def fit(observations: Observations, prior: Prior, starts: Iterable[Array]) -> Ga
     hessian = improbability.information(places[0])
     found = [minimise(improbability, place, hessian) for place in places]
     best, _ = min(found, key=lambda place_and_value: place_and_value[1])
-    return GaussianProcess.conditioned(observations, Hyperparameters.from_logs(prior.mean + prior.sd * best))
+    return GaussianProcess.condition(observations, Hyperparameters.from_logs(prior.mean + prior.sd * best))
 
 
 @dataclass(frozen=True, slots=True)

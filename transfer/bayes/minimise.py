@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vvvaltr.controller.core.arrays import Array
+
 Objective = Callable[[Array], tuple[float, Array]]
 
 LONGEST_STEP = 1.5

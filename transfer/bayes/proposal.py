@@ -1,33 +1,51 @@
-"""Ways to choose the next place from what is believed."""
+"""Ways to choose the next place to try: from a list at first, then from what is believed."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.bayes.acquisition import LogExpectedImprovement, maximise
-from vvvaltr.transfer.bayes.belief import Belief
+from vvvaltr.transfer.bayes.belief import Belief, Trials
 
-DRAWS = 256
+INCUMBENT_DRAWS = 256
+"""Random draws over which the expected best is averaged."""
 
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A place (d,) of the unit cube to try next, and what proposed it.
+    """A place to try next.
 
-    ``improvement`` is the score that it is expected to gain, infinite where it was not chosen for that.
+    Args:
+        x: place (d,) in the unit cube.
+        origin: what proposed it, as the log and the screen name it.
+        improvement: gain that is expected of it, in the unit of the score; infinite where the place was not chosen for
+            an expected gain.
     """
 
-    x: NDArray[np.float64]
+    x: Array
     origin: str
     improvement: float = math.inf
 
 
-def expected_improvement(belief: Belief, rng: np.random.Generator) -> Proposal:
-    """Return the place of the greatest expected improvement over the expected best seen place."""
+Propose = Callable[[Trials, Belief | None, np.random.Generator], Proposal]
+"""Chooses the next place from the trials told, what is believed after them, and a random stream."""
+
+Choose = Callable[[Trials, Belief, np.random.Generator], Proposal]
+"""The same, where something is believed already."""
+
+
+def list_proposals(x: Iterable[Array], origin: str) -> list[Proposal]:
+    """Return a proposal for each place (d,) of ``x``, all of the same origin."""
+    return [Proposal(place, origin) for place in x]
+
+
+def maximise_improvement(belief: Belief, rng: np.random.Generator) -> Proposal:
+    """Return the place with the greatest expected improvement over the expected best of the places seen."""
     incumbent = expected_best(belief, rng)
     acquisition = LogExpectedImprovement(belief.posterior, incumbent, belief.noise_variance)
     x = maximise(acquisition, belief.promising(), rng)
@@ -35,12 +53,29 @@ def expected_improvement(belief: Belief, rng: np.random.Generator) -> Proposal:
     return Proposal(x, "expected improvement", improvement)
 
 
-def expected_best(belief: Belief, rng: np.random.Generator) -> float:
-    """Return the expected standardised score of the best seen place, as if what is unknown of each were independent.
+def begin_with(
+    first: Sequence[Proposal], choose: Choose = lambda _, belief, rng: maximise_improvement(belief, rng)
+) -> Propose:
+    """Return a way to propose ``first``, one a trial, and from then on what ``choose`` chooses.
 
-    One of them may well be better than the best mean: the less is known of them, the further a new place must reach. A
-    place out of bounds counts as the nearest in them.
+    With nothing in ``first``, something must be believed before the first trial.
+    """
+
+    def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
+        if len(trials) < len(first):
+            return first[len(trials)]
+        assert belief is not None  # learning begins with the first trial at the latest
+        return choose(trials, belief, rng)
+
+    return propose
+
+
+def expected_best(belief: Belief, rng: np.random.Generator) -> float:
+    """Return the expected standardised score of the best place seen, as if the places' errors were independent.
+
+    This exceeds the best posterior mean: any of the places may be better than its mean. The less is known of them, the
+    higher is the mark that a new place must pass. A place out of bounds is judged at the nearest place within bounds.
     """
     mean, variance = belief.posterior.predict(np.clip(belief.seen, 0.0, 1.0))
-    draws = mean + np.sqrt(variance) * rng.normal(size=(DRAWS, len(mean)))
+    draws = mean + np.sqrt(variance) * rng.normal(size=(INCUMBENT_DRAWS, len(mean)))
     return float(draws.max(axis=1).mean())

@@ -1,7 +1,7 @@
 """Ask and tell around a model: what all methods share.
 
-A method is two functions, one that learns from the trials and one that proposes a place. Both get all that they depend
-on, so a search that is told a log of trials continues exactly like the one that ran them.
+A method is two functions: one learns from the trials, one proposes a place. Both are given everything they depend on,
+so an optimiser that is told the trials of a log continues exactly like the one that ran them.
 """
 
 from __future__ import annotations
@@ -10,38 +10,44 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Recommendation, Suggestion
-from vvvaltr.transfer.bayes.acquisition import SCAN, PosteriorMean, maximise
+from vvvaltr.transfer.bayes.acquisition import SCAN_PLACES, PosteriorMean, maximise
 from vvvaltr.transfer.bayes.belief import Belief, Trials
-from vvvaltr.transfer.bayes.proposal import Proposal
+from vvvaltr.transfer.bayes.proposal import Propose
 from vvvaltr.transfer.bayes.spread import spread_out
 
-Array = NDArray[np.float64]
+FITTING = "hyperparameters"
+"""Purpose of the random stream that ``Learn`` is given."""
 
-Learn = Callable[[Trials, Belief | None, np.random.Generator], Belief | None]
-"""From the trials, what was believed before the last of them, and randomness, to what is believed now."""
-
-Propose = Callable[[Trials, Belief | None, np.random.Generator], Proposal]
-"""From the trials, what is believed, and randomness, to the next place."""
+Learn = Callable[[Trials, Belief | None, np.random.Generator], Belief]
+"""Returns what is believed after one or more trials, given what was believed before the last, and a random stream."""
 
 
 class Search:
     """An ``Optimizer`` made of a way to learn and a way to propose.
 
-    Learning takes place in ``tell``, so that nothing depends on how often ``ask`` was called; randomness depends on the
-    seed and the number of trials told, and on nothing else.
+    Learning takes place in ``tell``, so that nothing depends on how often ``ask`` is called. Random streams depend on
+    the seed and the number of trials told alone.
+
+    Args:
+        space: gaits to search.
+        seed: seed of every random stream.
+        learn: way to learn.
+        propose: way to propose.
+        belief: what is believed before the first trial; None for nothing.
     """
 
-    def __init__(self, space: GaitSpace, seed: int, learn: Learn, propose: Propose) -> None:
+    def __init__(
+        self, space: GaitSpace, seed: int, learn: Learn, propose: Propose, belief: Belief | None = None
+    ) -> None:
         self._space, self._seed, self._learn, self._propose = space, seed, learn, propose
-        self._trials = Trials(np.empty((0, space.dimension)), np.empty(0))
-        self._belief = learn(self._trials, None, self._stream("hyperparameters"))
+        self._trials, self._belief = Trials.none(space), belief
 
     def ask(self) -> Suggestion:
-        """Return the gait to try next; the same one until a trial is told."""
+        """Return the gait to try next. It stays the same until a trial is told."""
         proposal = self._propose(self._trials, self._belief, self._stream("proposal"))
         gait = self._space.from_unit(proposal.x)
         if self._belief is None:
@@ -50,18 +56,22 @@ class Search:
         return Suggestion(gait, proposal.origin, expected, self._belief.hyperparameters)
 
     def tell(self, gait: Gait, score: float) -> None:
-        """Learn from one valid trial, also of a gait that was not asked for or is out of bounds.
+        """Learn from one valid trial. The gait need not be the one suggested, nor within the bounds.
+
+        Args:
+            gait: gait of the trial.
+            score: score of the trial, in the unit that all trials of the run share.
 
         Raises:
-            ValueError: the score is not finite, or the gait has another number of motors.
+            ValueError: the score is not finite, or the gait has another number of motors than the space.
         """
         if not math.isfinite(score):
             raise ValueError(f"score {score} of gait {gait} is not finite: tell only valid trials")
-        self._trials = self._trials.followed_by(places(self._space, [gait])[0], score)
-        self._belief = self._learn(self._trials, self._belief, self._stream("hyperparameters"))
+        self._trials = self._trials.add(places(self._space, [gait])[0], score)
+        self._belief = self._learn(self._trials, self._belief, self._stream(FITTING))
 
     def recommend(self) -> Recommendation:
-        """Return the gait whose posterior mean is greatest, with the 95 % interval of its true mean score.
+        """Return the gait with the greatest posterior mean, and the 95 % interval of its true mean score.
 
         Raises:
             ValueError: nothing has been told yet.
@@ -70,7 +80,7 @@ class Search:
         return Recommendation(self._space.from_unit(x), belief.estimates(x[None, :])[0])
 
     def predict(self, gaits: Sequence[Gait]) -> tuple[Estimate, ...]:
-        """Return posterior means of the gaits' true scores with 95 % intervals, which leave out the noise of a trial.
+        """Return posterior means of the gaits' true mean scores with 95 % intervals, without the noise of a trial.
 
         Raises:
             ValueError: nothing has been told yet, or a gait has another number of motors.
@@ -78,20 +88,22 @@ class Search:
         return self._told().estimates(places(self._space, gaits))
 
     def promising(self, count: int) -> tuple[Gait, ...]:
-        """Return up to ``count`` gaits of great posterior mean, the recommended one first, none near another.
+        """Return up to ``count`` gaits with the greatest posterior means, well apart, the recommended gait first.
 
         Raises:
             ValueError: nothing has been told yet.
         """
-        others = np.concatenate([self._told().seen, self._stream("promising").random((SCAN, self._space.dimension))])
+        others = np.concatenate(
+            [self._told().seen, self._stream("promising").random((SCAN_PLACES, self._space.dimension))]
+        )
         x = np.vstack([self._best(), np.clip(others, 0.0, 1.0)])
         chosen = spread_out(x, np.append(np.inf, self._told().posterior.predict(x[1:])[0]), count)
         return tuple(map(self._space.from_unit, chosen))
 
     def improvement(self) -> float:
-        """Return what the next suggestion is expected to gain over the best known gait, in the unit of the score.
+        """Return the expected gain of the next suggestion over the best known gait, in the unit of the score.
 
-        Infinite while trials are not chosen for that.
+        Infinite while suggestions are not chosen for an expected gain.
         """
         return self._propose(self._trials, self._belief, self._stream("proposal")).improvement
 
@@ -110,7 +122,7 @@ class Search:
 
 
 def places(space: GaitSpace, gaits: Sequence[Gait]) -> Array:
-    """Return the gaits' places (m, d) in the unit cube; outside of it where a gait is out of bounds.
+    """Return the gaits' places (m, d) in the unit cube, outside it where a gait is out of bounds.
 
     Raises:
         ValueError: a gait has another number of motors than the space.

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vvvaltr.controller.core.arrays import Array
 
-APART = 0.1
+LEAST_SEPARATION = 0.1
 """How far apart places are at least, as a share of the unit cube's diagonal."""
 
 
@@ -17,7 +16,7 @@ def spread_out(x: Array, values: Array, count: int) -> Array:
     """Return up to ``count`` of places (n, d), those of the greatest values (n,) first, none near another."""
     chosen: list[Array] = []
     for place in x[np.argsort(-values, kind="stable")]:
-        if all(np.linalg.norm(place - other) >= APART * math.sqrt(x.shape[1]) for other in chosen):
+        if all(np.linalg.norm(place - other) >= LEAST_SEPARATION * math.sqrt(x.shape[1]) for other in chosen):
             chosen.append(place)
         if len(chosen) == count:
             break

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.experiments.findings import MethodFindings, PairFindings, Runs, plain_level_m_s
-from vvvaltr.transfer.experiments.statistics import Array, mean_interval
+from vvvaltr.transfer.experiments.statistics import mean_interval
 from vvvaltr.transfer.experiments.surfaces import Surfaces
 from vvvaltr.transfer.methods.registry import METHODS
 

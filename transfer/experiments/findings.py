@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.transfer.experiments.campaign import PairUnits, checkpoints_of, transfer_methods, units_of
 from vvvaltr.transfer.experiments.statistics import Comparison, Interval, compare, holm, trials_to_level
 from vvvaltr.transfer.experiments.store import Store
 from vvvaltr.transfer.experiments.thesis import Pair, pairs
 from vvvaltr.transfer.experiments.unit import Result, Step, Unit
-
-Array = NDArray[np.float64]
 
 NO_DIFFERENCE = Comparison(0.0, Interval(0.0, 0.0), 1.0, 0.0, 1.0)
 """Of Plain-BO from itself."""

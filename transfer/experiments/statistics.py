@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vvvaltr.controller.core.arrays import Array
 
 RESAMPLES, PERMUTATIONS = 10_000, 4_000
 

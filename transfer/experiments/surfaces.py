@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, GaitSpace
-from vvvaltr.transfer.bayes.belief import Trials
+from vvvaltr.transfer.bayes.belief import Trials, learn_alone
 from vvvaltr.transfer.bayes.search import places
 from vvvaltr.transfer.experiments.unit import Result
-from vvvaltr.transfer.methods.plain_bo import learned_alone
-
-Array = NDArray[np.float64]
 
 POINTS = 21  # along each axis; odd, so that a motor that may turn both ways can be off
 MOST_TRIALS = 250  # that one model is fitted to
@@ -85,5 +82,5 @@ def _expected_m_s(space: GaitSpace, runs: Sequence[Result], x: Array) -> Array:
     steps = [step for run in runs for step in run.steps][:MOST_TRIALS]
     tried = places(space, [Gait(step.gait_hz) for step in steps])
     trials = Trials(tried, np.array([step.score_m_s for step in steps]))
-    belief = learned_alone(space, trials, None, stream(0, 0, "surfaces"))
+    belief = learn_alone(space, trials, None, stream(0, 0, "surfaces"))
     return np.array([estimate.mean for estimate in belief.estimates(x)])

@@ -1,49 +1,59 @@
-"""Optimism without a source: the control that shows how much of a gain is transfer at all."""
+"""Optimism without a source: the control that shows how much of a gain is not transfer at all."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from vvvaltr.controller.core.values import GaitSpace
-from vvvaltr.transfer.bayes.belief import Belief, Trials
+from vvvaltr.transfer.bayes.belief import Belief, Trials, learn_alone
 from vvvaltr.transfer.bayes.gp import GaussianProcess
-from vvvaltr.transfer.bayes.proposal import Proposal, expected_improvement
+from vvvaltr.transfer.bayes.proposal import Proposal, maximise_improvement
 from vvvaltr.transfer.bayes.search import Search
-from vvvaltr.transfer.methods.plain_bo import learned_alone
+from vvvaltr.transfer.methods.method import Method
 
-OPTIMISM = 2.0
-"""By how many standard deviations of the scores the prior mean is raised above their mean."""
+OPTIMISM_SD = 2.0
+"""Height of the raised prior mean above the scores' mean, in standard deviations of the scores."""
 
 
 class Optimistic(Search):
-    """Plain-BO that takes what is unknown for fast: its prior mean is raised while it chooses a trial.
+    """Plain-BO that expects every unknown gait to be fast: it raises the prior mean while it chooses a trial.
 
-    So it leaves out the trials that Plain-BO spreads over the space, and begins anywhere. What it recommends is
-    believed without optimism.
+    It therefore needs no trials spread over the space, and begins with a random gait. Its recommendation is made
+    without optimism.
 
     Args:
-        space: the gaits to search.
-        seed: of all that is random.
+        space: gaits to search.
+        seed: seed of every random stream.
     """
 
     def __init__(self, space: GaitSpace, seed: int) -> None:
-        def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief | None:
-            return learned_alone(space, trials, last, rng) if len(trials) else None
-
         def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
             if belief is None:
                 return Proposal(rng.random(space.dimension), "random")
-            return expected_improvement(raised(belief, OPTIMISM), rng)
+            return maximise_improvement(raise_prior_mean(belief, OPTIMISM_SD), rng)
 
-        super().__init__(space, seed, learn, propose)
+        super().__init__(space, seed, partial(learn_alone, space), propose)
 
 
-def raised(belief: Belief, level: float) -> Belief:
-    """Return the belief that would be held, had the middle of the scale been ``level`` standard deviations higher."""
+def raise_prior_mean(belief: Belief, level: float) -> Belief:
+    """Return the belief under a prior mean that is ``level`` standard deviations of the scores higher.
+
+    The belief must rest on one Gaussian process. A constant prior mean is the same as observations that are lower by
+    it, and a scale whose centre is higher by it.
+    """
     process, scale = belief.posterior, belief.scale
     assert isinstance(process, GaussianProcess)
     observations = replace(process.observations, y=process.observations.y - level)
-    posterior = GaussianProcess.conditioned(observations, process.hyperparameters)
+    posterior = GaussianProcess.condition(observations, process.hyperparameters)
     return replace(belief, posterior=posterior, scale=replace(scale, centre=scale.centre + level * scale.spread))
+
+
+METHOD = Method(
+    "optimistic",
+    "a control: Plain-BO that expects every unknown gait to be fast, without a source",
+    uses_sources=False,
+    make=lambda space, seed, _: Optimistic(space, seed),
+)

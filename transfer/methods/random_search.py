@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from vvvaltr.controller.core.values import GaitSpace
-from vvvaltr.transfer.bayes.belief import Belief, Trials
+from vvvaltr.transfer.bayes.belief import Belief, Trials, learn_alone
 from vvvaltr.transfer.bayes.proposal import Proposal
 from vvvaltr.transfer.bayes.search import Search
-from vvvaltr.transfer.methods.plain_bo import learned_alone
+from vvvaltr.transfer.methods.method import Method
 
 
 class RandomSearch(Search):
-    """Gaits drawn evenly from the space; what to recommend is learned from them as Plain-BO learns.
+    """Gaits drawn uniformly from the space. The recommendation is learned from them as in Plain-BO.
 
     Args:
-        space: the gaits to search.
-        seed: of all that is random.
+        space: gaits to search.
+        seed: seed of every random stream.
     """
 
     def __init__(self, space: GaitSpace, seed: int) -> None:
-        def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief | None:
-            return learned_alone(space, trials, last, rng) if len(trials) else None
-
         def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
             return Proposal(rng.random(space.dimension), "random")
 
-        super().__init__(space, seed, learn, propose)
+        super().__init__(space, seed, partial(learn_alone, space), propose)
+
+
+METHOD = Method(
+    "random",
+    "a control: gaits drawn at random",
+    uses_sources=False,
+    make=lambda space, seed, _: RandomSearch(space, seed),
+)

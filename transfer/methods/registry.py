@@ -1,90 +1,52 @@
-"""The methods by name, each with what a user needs to choose one."""
+"""All methods by name. A method is a file of this folder that ends in its row, ``METHOD``, and a line of the table."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.values import GaitSpace, Source
-from vvvaltr.transfer.methods.efficient_bo import EfficientBO
-from vvvaltr.transfer.methods.guarded import Guarded
-from vvvaltr.transfer.methods.icm import ICM
-from vvvaltr.transfer.methods.optimistic import Optimistic
-from vvvaltr.transfer.methods.plain_bo import PlainBO
-from vvvaltr.transfer.methods.random_search import RandomSearch
-from vvvaltr.transfer.methods.rgpe import RGPE
-from vvvaltr.transfer.methods.warm import WarmStart
-
-
-@dataclass(frozen=True, slots=True)
-class Method:
-    """A way to learn.
-
-    Args:
-        description: one line for the user.
-        uses_sources: whether it needs at least one source; a method that does not takes none.
-        make: from space, seed and sources to an optimiser.
-    """
-
-    description: str
-    uses_sources: bool
-    make: Callable[[GaitSpace, int, Sequence[Source]], Optimizer]
-
-
-METHODS: Mapping[str, Method] = MappingProxyType(
-    {
-        "plain": Method(
-            "Bayesian optimisation from nothing",
-            uses_sources=False,
-            make=lambda space, seed, _: PlainBO(space, seed),
-        ),
-        "efficient": Method(
-            "Efficient-BO as published: an earlier run's trials count as noisy trials of this one",
-            uses_sources=True,
-            make=EfficientBO,
-        ),
-        "guarded": Method(
-            "weighs what the sources are worth trial by trial: fast where they are alike, safe where not",
-            uses_sources=True,
-            make=Guarded,
-        ),
-        "warm": Method(
-            "Plain-BO that begins with the sources' best gaits",
-            uses_sources=True,
-            make=WarmStart,
-        ),
-        "rgpe": Method(
-            "ensemble of all tasks' processes, weighted by how they rank this task's trials (Feurer et al. 2018)",
-            uses_sources=True,
-            make=RGPE,
-        ),
-        "icm": Method(
-            "one process of all tasks, with a learned correlation of each source (multi-task Gaussian process)",
-            uses_sources=True,
-            make=ICM,
-        ),
-        "optimistic": Method(
-            "a control: Plain-BO that takes what is unknown for fast, without a source",
-            uses_sources=False,
-            make=lambda space, seed, _: Optimistic(space, seed),
-        ),
-        "random": Method(
-            "a control: gaits drawn at random",
-            uses_sources=False,
-            make=lambda space, seed, _: RandomSearch(space, seed),
-        ),
-    }
+from vvvaltr.transfer.methods import (
+    efficient_bo,
+    guarded,
+    icm,
+    optimistic,
+    plain_bo,
+    random_search,
+    rgpe,
+    warm,
 )
+from vvvaltr.transfer.methods.method import Method
+
+BUILT_IN = (
+    plain_bo.METHOD,
+    efficient_bo.METHOD,
+    guarded.METHOD,
+    warm.METHOD,
+    rgpe.METHOD,
+    icm.METHOD,
+    optimistic.METHOD,
+    random_search.METHOD,
+)
+"""The methods of this package, in the order in which help and reports list them."""
+
+METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in BUILT_IN})
 
 
 def make_optimizer(method: str, space: GaitSpace, seed: int, sources: Sequence[Source] = ()) -> Optimizer:
-    """Return an optimiser that has been told nothing yet.
+    """Return a new optimiser of the method called ``method``, which has been told nothing yet.
+
+    Args:
+        method: name of the method, a key of ``METHODS``.
+        space: gaits to search.
+        seed: seed of every random stream of the optimiser.
+        sources: earlier runs to learn from.
 
     Raises:
-        ValueError: there is no such method, it needs a source or takes none, or a source has another number of motors.
+        ValueError: there is no such method, it needs a source or takes none, or a source has another number of motors
+            than the space.
     """
     if method not in METHODS:
         raise ValueError(unknown("method", method, METHODS))

@@ -8,62 +8,56 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import GaitSpace, Source
 from vvvaltr.transfer.bayes.acquisition import Posterior
-from vvvaltr.transfer.bayes.belief import Belief, Trials
-from vvvaltr.transfer.bayes.earlier_run import EarlierRun, best_of_all, learned_from
+from vvvaltr.transfer.bayes.belief import Belief, Trials, learn_alone
+from vvvaltr.transfer.bayes.earlier_run import EarlierRun, learn_sources, propose_best
 from vvvaltr.transfer.bayes.gp import GaussianProcess
-from vvvaltr.transfer.bayes.proposal import Proposal, expected_improvement
+from vvvaltr.transfer.bayes.proposal import begin_with
 from vvvaltr.transfer.bayes.search import Search
-from vvvaltr.transfer.methods.plain_bo import learned_alone
-from vvvaltr.transfer.methods.warm import WARM_TRIALS
+from vvvaltr.transfer.methods.method import Method
 
-Array = NDArray[np.float64]
-
-DRAWS = 256
+RANKING_DRAWS = 256
+"""Random draws of each posterior whose rankings are compared."""
 
 
 class RGPE(Search):
     """The ranking-weighted ensemble: mean sum_i w_i m_i, variance sum_i w_i^2 s_i^2, of all tasks' processes.
 
-    Each task is standardised by itself, so that only the order of the scores is compared. The weight of a process is
-    the probability that it makes the fewest mistakes in ranking the target's trials; the target's own process predicts
-    each of them from the others. A source whose median number of mistakes is above the 95th percentile of the target's
-    is left out. As ranks need trials, the first ones are the sources' best gaits.
+    Each task is standardised by itself: only the order of the scores is compared. The weight of a process is the
+    probability that it makes the fewest mistakes in ranking the target's trials. The target's own process predicts each
+    of these from the others. A source whose median number of mistakes exceeds the 95th percentile of the target's is
+    left out. There is nothing to rank before the first trials, which are the sources' best gaits.
 
-    In the paper the draws of a source's process are joint over the trials; here they are independent.
+    In the paper, the draws of a source's process are joint over the trials; here they are independent.
 
     Args:
-        space: the gaits to search.
-        seed: of all that is random.
-        sources: one or more earlier runs.
+        space: gaits to search.
+        seed: seed of every random stream.
+        sources: earlier runs, at least one.
 
     Raises:
-        ValueError: there is no source, or one has another number of motors.
+        ValueError: there is no source, or one has another number of motors than the space.
     """
 
     def __init__(self, space: GaitSpace, seed: int, sources: Sequence[Source]) -> None:
-        runs = learned_from(space, seed, sources)
-        warm = best_of_all(runs, WARM_TRIALS)
-
-        def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief | None:
-            return learned_as_ensemble(space, runs, trials, last, rng) if len(trials) else None
-
-        def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
-            if belief is None or len(trials) < len(warm):
-                return Proposal(warm[len(trials)], "best of source")
-            return expected_improvement(belief, rng)
-
-        super().__init__(space, seed, learn, propose)
+        runs = learn_sources(space, seed, sources)
+        super().__init__(space, seed, partial(learn_as_ensemble, space, runs), begin_with(propose_best(runs)))
 
 
 @dataclass(frozen=True, slots=True)
 class Ensemble:
-    """A weighted sum of independent posteriors."""
+    """A weighted sum of independent posteriors.
+
+    Args:
+        posteriors: the posteriors.
+        weights: weight of each, (posteriors,).
+    """
 
     posteriors: Sequence[Posterior]
     weights: Array
@@ -86,11 +80,11 @@ class Ensemble:
         )
 
 
-def learned_as_ensemble(
+def learn_as_ensemble(
     space: GaitSpace, runs: Sequence[EarlierRun], trials: Trials, last: Belief | None, rng: np.random.Generator
 ) -> Belief:
-    """Return what the target's and the sources' processes say together."""
-    belief = learned_alone(space, trials, last, rng)
+    """Return what the processes of the sources and of one or more trials of the target say together, by weight."""
+    belief = learn_alone(space, trials, last, rng)
     alone = belief.posterior
     assert isinstance(alone, GaussianProcess)
     weights = ensemble_weights([run.process for run in runs], alone, rng)
@@ -102,15 +96,17 @@ def learned_as_ensemble(
 
 
 def ensemble_weights(sources: Sequence[GaussianProcess], target: GaussianProcess, rng: np.random.Generator) -> Array:
-    """Return the weights (sources + 1,) of the sources' processes and, last, the target's; they sum to 1."""
+    """Return the weights (sources + 1,) of the sources' processes and, last, of the target's. They sum to 1."""
     x, y = target.observations.x, target.observations.y
-    if len(y) < 3:  # of two trials one is left to rank the other by
+    if len(y) < 3:  # predicted from the others, two trials leave nothing to rank
         return np.append(np.full(len(sources), 1.0), 0.0) / len(sources)
-    predictions = [*(source.predict(x) for source in sources), left_out(target)]
+    predictions = [*(source.predict(x) for source in sources), leave_one_out(target)]
     noise = [0.0] * len(sources) + [target.hyperparameters.noise_variance]
     mistakes = np.array(
         [
-            ranking_mistakes(rng.normal(mean, np.sqrt(np.maximum(variance - known, 0.0)), (DRAWS, len(y))), y)
+            count_ranking_mistakes(
+                rng.normal(mean, np.sqrt(np.maximum(variance - known, 0.0)), (RANKING_DRAWS, len(y))), y
+            )
             for (mean, variance), known in zip(predictions, noise, strict=True)
         ]
     ).astype(float)
@@ -118,11 +114,11 @@ def ensemble_weights(sources: Sequence[GaussianProcess], target: GaussianProcess
     # In a tie the target wins, else the first source.
     order = np.roll(np.arange(len(predictions)), 1)
     winners = order[np.argmin(mistakes[order], axis=0)]
-    return np.bincount(winners, minlength=len(predictions)) / DRAWS
+    return np.bincount(winners, minlength=len(predictions)) / RANKING_DRAWS
 
 
-def left_out(process: GaussianProcess) -> tuple[Array, Array]:
-    """Return mean and variance, noise included, (n,) each, of every observation given all others.
+def leave_one_out(process: GaussianProcess) -> tuple[Array, Array]:
+    """Return mean (n,) and variance (n,), noise included, of every observation given all others.
 
     Rasmussen and Williams 2006, equation 5.12.
     """
@@ -130,6 +126,14 @@ def left_out(process: GaussianProcess) -> tuple[Array, Array]:
     return process.observations.y - process.weights / precision, 1.0 / precision
 
 
-def ranking_mistakes(draws: Array, y: Array) -> Array:
-    """Return for each of draws (s, n) of scores the number of pairs (s,) that it orders otherwise than y (n,) does."""
+def count_ranking_mistakes(draws: Array, y: Array) -> Array:
+    """Return, for each of the draws (s, n) of n scores, the number (s,) of pairs it orders differently from y (n,)."""
     return np.asarray(((draws[:, :, None] < draws[:, None, :]) ^ (y[:, None] < y)).sum(axis=(1, 2)))
+
+
+METHOD = Method(
+    "rgpe",
+    "ensemble of all tasks' processes, weighted by how they rank this task's trials (Feurer et al. 2018)",
+    uses_sources=True,
+    make=RGPE,
+)

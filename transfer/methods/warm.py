@@ -3,47 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import numpy as np
+from functools import partial
 
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import GaitSpace, Source
-from vvvaltr.transfer.bayes.belief import Belief, Trials
-from vvvaltr.transfer.bayes.earlier_run import best_of_all, learned_from
-from vvvaltr.transfer.bayes.initial_design import initial_design
-from vvvaltr.transfer.bayes.proposal import Proposal, expected_improvement
+from vvvaltr.transfer.bayes.belief import learn_alone
+from vvvaltr.transfer.bayes.earlier_run import learn_sources, propose_best
+from vvvaltr.transfer.bayes.initial_design import propose_design
+from vvvaltr.transfer.bayes.proposal import begin_with
 from vvvaltr.transfer.bayes.search import Search
-from vvvaltr.transfer.methods.plain_bo import INITIAL_TRIALS, learned_alone
-
-WARM_TRIALS = 3
+from vvvaltr.transfer.methods.method import Method
+from vvvaltr.transfer.methods.plain_bo import INITIAL_TRIALS
 
 
 class WarmStart(Search):
-    """Plain-BO whose first trials are the sources' best gaits, well apart; fewer are spread over the space after them.
+    """Plain-BO that tries the sources' best gaits first, well apart; fewer trials are then spread over the space.
 
-    Nothing else of the sources is used, so that neither their unit nor their noise matters.
+    Nothing else of the sources is used, so neither their unit nor their noise matters.
 
     Args:
-        space: the gaits to search.
-        seed: of all that is random.
-        sources: one or more earlier runs.
+        space: gaits to search.
+        seed: seed of every random stream.
+        sources: earlier runs, at least one.
 
     Raises:
-        ValueError: there is no source, or one has another number of motors.
+        ValueError: there is no source, or one has another number of motors than the space.
     """
 
     def __init__(self, space: GaitSpace, seed: int, sources: Sequence[Source]) -> None:
-        warm = best_of_all(learned_from(space, seed, sources), WARM_TRIALS)
-        cold = initial_design(INITIAL_TRIALS - len(warm), space.dimension, stream(seed, 0, "initial design"))
+        warm = propose_best(learn_sources(space, seed, sources))
+        cold = propose_design(INITIAL_TRIALS - len(warm), space.dimension, stream(seed, 0, "initial design"))
+        super().__init__(space, seed, partial(learn_alone, space), begin_with([*warm, *cold]))
 
-        def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief | None:
-            return learned_alone(space, trials, last, rng) if len(trials) else None
 
-        def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
-            if len(trials) < len(warm):
-                return Proposal(warm[len(trials)], "best of source")
-            if belief is None or len(trials) < INITIAL_TRIALS:
-                return Proposal(cold[len(trials) - len(warm)], "initial design")
-            return expected_improvement(belief, rng)
-
-        super().__init__(space, seed, learn, propose)
+METHOD = Method(
+    "warm",
+    "Plain-BO that begins with the sources' best gaits",
+    uses_sources=True,
+    make=WarmStart,
+)

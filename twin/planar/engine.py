@@ -9,8 +9,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.twin.body import Body, ConstantForce, EccentricForce, ForceLaw, Parts
 from vvvaltr.twin.engine import LEVEL, Start
@@ -18,8 +18,6 @@ from vvvaltr.twin.planar.plane import Plane, Posture, flattened
 from vvvaltr.twin.planar.stepper import STEPS_AT_ONCE
 from vvvaltr.twin.rotors import Rotors
 from vvvaltr.twin.world import World
-
-Array = NDArray[np.float64]
 
 # For each force law of the motors the law and the frequencies to search; a motor turns no faster than these.
 LAWS: dict[str, tuple[ForceLaw, tuple[float, float]]] = {

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.twin.body import Body, Shape, Spring
 from vvvaltr.twin.engine import Diverged
 from vvvaltr.twin.planar.stepper import Stepper
@@ -19,7 +20,6 @@ from vvvaltr.twin.world import World
 if TYPE_CHECKING:
     import pymunk
 
-Array = NDArray[np.float64]
 
 ITERATIONS = 10
 SLOP_M = 1e-4  # depth to which things may sink into each other; pymunk's own 0.1 is meant for pixels

@@ -7,8 +7,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.errors import DeviceFault
 from vvvaltr.controller.core.values import Forces, Gait
 from vvvaltr.twin.body import Body, ConstantForce, EccentricForce, ForceLaw, Parts
@@ -22,7 +22,6 @@ from vvvaltr.twin.world import Flat, Hills, World
 if TYPE_CHECKING:
     import mujoco
 
-Array = NDArray[np.float64]
 
 LAWS: dict[str, tuple[ForceLaw, tuple[float, float]]] = {
     "eccentric": (EccentricForce(1e-5), (5.0, 50.0)),

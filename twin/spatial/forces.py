@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Forces, Vector
 from vvvaltr.twin.body import Body
 
 if TYPE_CHECKING:
     import mujoco
-
-Array = NDArray[np.float64]
 
 
 def forces_in(model: mujoco.MjModel, data: mujoco.MjData, body: Body) -> Forces:

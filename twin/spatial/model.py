@@ -10,15 +10,14 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.twin.body import Body, Shape
 from vvvaltr.twin.world import Ground, Hills, Slope, World
 
 if TYPE_CHECKING:
     import mujoco
 
-Array = NDArray[np.float64]
 
 HOOK_M = 0.002  # springs hang on hooks beside the strut: on its axis they would leave its spin free
 AXIAL_GYRATION_M = 0.006  # board, battery and motor sit beside the axis and make up most of the axial inertia

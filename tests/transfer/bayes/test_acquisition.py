@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.bayes.acquisition import LogExpectedImprovement, PosteriorMean, log_h, maximise
 from vvvaltr.transfer.bayes.gp import GaussianProcess, Hyperparameters, Observations
-from vvvaltr.transfer.bayes.minimise import Array
 
 
 def process() -> GaussianProcess:
     rng = np.random.default_rng(0)
     observations = Observations.alike(rng.random((12, 3)), rng.normal(size=12))
-    return GaussianProcess.conditioned(observations, Hyperparameters(np.array([0.2, 0.4, 0.6]), 1.2, 0.3))
+    return GaussianProcess.condition(observations, Hyperparameters(np.array([0.2, 0.4, 0.6]), 1.2, 0.3))
 
 
 def test_log_h_equals_the_textbook_where_that_does_not_cancel() -> None:
@@ -53,7 +53,7 @@ def test_with_noise_it_is_the_improvement_that_a_noisy_trial_is_expected_to_show
     observed = rng.normal(mean[0], math.sqrt(variance[0] + 0.3), 2000)
     known = posterior.observations
     after = [
-        GaussianProcess.conditioned(
+        GaussianProcess.condition(
             Observations.alike(np.vstack([known.x, x]), np.append(known.y, y)), posterior.hyperparameters
         ).predict(x)[0][0]
         for y in observed

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.bayes.gp import JITTER, GaussianProcess, Hyperparameters, Improbability, Observations, Prior, fit
-from vvvaltr.transfer.bayes.minimise import Array
 
 PLAIN = Hyperparameters(np.array([0.4]), 1.5, 0.2)
 
@@ -35,7 +35,7 @@ def matern(distance: float, length: float) -> float:
 
 
 def test_one_observation_pulls_the_mean_towards_it_and_shrinks_the_variance() -> None:
-    process = GaussianProcess.conditioned(Observations.alike(np.array([[0.5]]), np.array([2.0])), PLAIN)
+    process = GaussianProcess.condition(Observations.alike(np.array([[0.5]]), np.array([2.0])), PLAIN)
     mean, variance = process.predict(np.array([[0.5], [0.8]]))
     for i, distance in enumerate((0.0, 0.3)):
         kernel, total = 1.5 * matern(distance, 0.4), 1.5 * (1 + JITTER) + 0.2
@@ -44,7 +44,7 @@ def test_one_observation_pulls_the_mean_towards_it_and_shrinks_the_variance() ->
 
 
 def test_each_parameter_has_its_own_length_scale() -> None:
-    process = GaussianProcess.conditioned(
+    process = GaussianProcess.condition(
         Observations.alike(np.zeros((1, 2)), np.ones(1)), Hyperparameters(np.array([0.2, 5.0]), 1.0, 1e-9)
     )
     mean, _ = process.predict(np.array([[0.6, 0.0], [0.0, 0.6]]))
@@ -53,7 +53,7 @@ def test_each_parameter_has_its_own_length_scale() -> None:
 
 def test_repeats_of_one_place_average_their_noise() -> None:
     x, y = np.full((4, 1), 0.5), np.array([1.0, 2.0, 3.0, 4.0])
-    mean, variance = GaussianProcess.conditioned(Observations.alike(x, y), PLAIN).predict(x[:1])
+    mean, variance = GaussianProcess.condition(Observations.alike(x, y), PLAIN).predict(x[:1])
     noise = (0.2 + 1.5 * JITTER) / 4
     assert mean[0] == pytest.approx(2.5 * 1.5 / (1.5 + noise))
     assert variance[0] == pytest.approx(1.5 * noise / (1.5 + noise))
@@ -62,7 +62,7 @@ def test_repeats_of_one_place_average_their_noise() -> None:
 def test_an_observation_with_more_noise_counts_less() -> None:
     x, y = np.array([[0.2], [0.8]]), np.array([1.0, 1.0])
     observations = Observations(x, y, given=np.array([3.0, 0.0]), share=np.array([0.0, 1.0]))
-    mean, variance = GaussianProcess.conditioned(observations, PLAIN).predict(x)
+    mean, variance = GaussianProcess.condition(observations, PLAIN).predict(x)
     covariance = 1.5 * np.array([[1.0, matern(0.6, 0.4)], [matern(0.6, 0.4), 1.0]])
     total = covariance + np.diag([3.0, 0.2])
     assert mean == pytest.approx(covariance @ np.linalg.solve(total, y), rel=1e-5)
@@ -70,13 +70,13 @@ def test_an_observation_with_more_noise_counts_less() -> None:
 
 
 def test_far_from_all_observations_only_the_prior_is_left() -> None:
-    process = GaussianProcess.conditioned(Observations.alike(np.array([[0.5]]), np.array([2.0])), PLAIN)
+    process = GaussianProcess.condition(Observations.alike(np.array([[0.5]]), np.array([2.0])), PLAIN)
     mean, variance = process.predict(np.array([[50.0]]))
     assert (mean[0], variance[0]) == (pytest.approx(0.0), pytest.approx(1.5))
 
 
 def test_a_scan_in_blocks_equals_single_predictions() -> None:
-    process = GaussianProcess.conditioned(some_observations(), Hyperparameters(np.full(3, 0.4), 1.5, 0.2))
+    process = GaussianProcess.condition(some_observations(), Hyperparameters(np.full(3, 0.4), 1.5, 0.2))
     x = np.random.default_rng(1).random((300, 3))
     single = [process.predict(place[None, :]) for place in x]
     mean, variance = process.predict(x)
@@ -85,7 +85,7 @@ def test_a_scan_in_blocks_equals_single_predictions() -> None:
 
 
 def test_prediction_gradients_equal_finite_differences() -> None:
-    process = GaussianProcess.conditioned(some_observations(), Hyperparameters(np.array([0.3, 0.5, 0.9]), 1.5, 0.2))
+    process = GaussianProcess.condition(some_observations(), Hyperparameters(np.array([0.3, 0.5, 0.9]), 1.5, 0.2))
     x = np.random.default_rng(1).random((5, 3))
     mean, variance, mean_gradient, variance_gradient = process.predict_with_gradient(x)
     assert np.array([mean, variance]) == pytest.approx(np.array(process.predict(x)))
@@ -105,7 +105,7 @@ def test_the_information_is_the_mean_of_the_second_derivatives_over_the_data_tha
     observations = some_observations(places=30)
     prior = Prior.of(3)
     hyperparameters = Hyperparameters.from_logs(prior.mean + prior.sd * place)
-    process = GaussianProcess.conditioned(observations, hyperparameters)
+    process = GaussianProcess.condition(observations, hyperparameters)
     root = np.linalg.inv(process.inverse_root)
     for _ in range(300):
         drawn = Observations(observations.x, root @ rng.normal(size=30), observations.given, observations.share)
@@ -121,7 +121,7 @@ def test_the_value_is_the_log_density_of_the_scores_under_the_process() -> None:
     values = []
     for place in places:
         hyperparameters = Hyperparameters.from_logs(prior.mean + prior.sd * place)
-        root = np.linalg.inv(GaussianProcess.conditioned(observations, hyperparameters).inverse_root)
+        root = np.linalg.inv(GaussianProcess.condition(observations, hyperparameters).inverse_root)
         covariance = root @ root.T
         _, log_determinant = np.linalg.slogdet(covariance)
         log_density = -0.5 * (observations.y @ np.linalg.solve(covariance, observations.y) + log_determinant)
@@ -133,7 +133,7 @@ def test_a_fit_finds_the_length_scales_and_the_noise_that_made_the_data() -> Non
     rng = np.random.default_rng(4)
     x = rng.random((120, 2))
     made_by = Hyperparameters(np.array([0.15, 1.0]), 1.0, 0.05)
-    root = np.linalg.inv(GaussianProcess.conditioned(Observations.alike(x, np.zeros(120)), made_by).inverse_root)
+    root = np.linalg.inv(GaussianProcess.condition(Observations.alike(x, np.zeros(120)), made_by).inverse_root)
     prior = Prior.of(2)
     found = fit(Observations.alike(x, root @ rng.normal(size=120)), prior, [prior.mean]).hyperparameters
     assert found.logs == pytest.approx(made_by.logs, abs=0.7)
@@ -158,7 +158,7 @@ def test_the_interval_covers_the_truth_of_functions_drawn_from_the_prior() -> No
         x = rng.random((50, 2))
         hyperparameters = Hyperparameters.from_logs(rng.normal(prior.mean, prior.sd))
         silent = Hyperparameters(hyperparameters.length_scale, hyperparameters.signal_variance, 1e-9)
-        root = np.linalg.inv(GaussianProcess.conditioned(Observations.alike(x, np.zeros(50)), silent).inverse_root)
+        root = np.linalg.inv(GaussianProcess.condition(Observations.alike(x, np.zeros(50)), silent).inverse_root)
         true = root @ rng.normal(size=50)
         observed = true[:30] + rng.normal(0.0, math.sqrt(hyperparameters.noise_variance), 30)
         mean, variance = fit(Observations.alike(x[:30], observed), prior, [prior.mean]).predict(x[30:])

@@ -22,5 +22,5 @@ def test_the_places_are_farther_apart_than_random_ones() -> None:
 
 def test_one_place_is_a_design_and_none_is_not() -> None:
     assert initial_design(1, 2, np.random.default_rng(0)).shape == (1, 2)
-    with pytest.raises(ValueError, match="needs at least one"):
+    with pytest.raises(ValueError, match="needs at least 1 place"):
         initial_design(0, 2, np.random.default_rng(0))

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from vvvaltr.transfer.bayes.minimise import Array, minimise
+from vvvaltr.controller.core.arrays import Array
+from vvvaltr.transfer.bayes.minimise import minimise
 
 
 def bowl(place: Array) -> tuple[float, Array]:

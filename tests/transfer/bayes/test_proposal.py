@@ -12,7 +12,7 @@ def believed(x: list[float], noise_variance: float) -> Belief:
     """Belief after scores of 1 and, everywhere else, 0 at places along a line that know nothing of each other."""
     y = np.where(np.arange(len(x)) == 0, 1.0, 0.0)
     observations = Observations.alike(np.array(x)[:, None], y)
-    process = GaussianProcess.conditioned(observations, Hyperparameters(np.array([0.01]), 1.0, noise_variance))
+    process = GaussianProcess.condition(observations, Hyperparameters(np.array([0.01]), 1.0, noise_variance))
     return Belief.of(process, Scale.linear(y), GaitSpace.over(1, 0.0, 1.0))
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from vvvaltr.controller.core.values import Gait, GaitSpace, Source
 from vvvaltr.transfer.bayes.gp import GaussianProcess, Hyperparameters, Observations
-from vvvaltr.transfer.methods.guarded import Guarded, Mixture, hypotheses
+from vvvaltr.transfer.methods.guarded import Guarded, Mixture, list_hypotheses
 
 SPACE = GaitSpace.over(3, -20.0, 20.0)
 
@@ -53,7 +53,7 @@ def test_every_second_trial_is_what_the_targets_own_trials_call_for() -> None:
 
 @pytest.mark.parametrize("sources", [1, 2, 3])
 def test_hypotheses_are_distinct_and_their_probabilities_sum_to_one(sources: int) -> None:
-    correlations, probable = hypotheses(sources)
+    correlations, probable = list_hypotheses(sources)
     assert correlations.shape == (len(probable), sources)
     assert probable.sum() == pytest.approx(1.0)
     assert len(np.unique(correlations, axis=0)) == len(correlations)
@@ -64,7 +64,7 @@ def test_a_mixture_has_mean_and_variance_of_its_draws_and_the_gradients_of_both(
     rng = np.random.default_rng(1)
     parameters = Hyperparameters(np.array([0.3, 0.5]), 1.0, 0.1)
     parts = [
-        GaussianProcess.conditioned(Observations.alike(rng.random((6, 2)), rng.normal(size=6)), parameters)
+        GaussianProcess.condition(Observations.alike(rng.random((6, 2)), rng.normal(size=6)), parameters)
         for _ in range(3)
     ]
     mixture, x = Mixture(parts, np.array([0.5, 0.3, 0.2])), rng.random((4, 2))

@@ -140,7 +140,7 @@ def test_icm_learns_that_a_source_is_inverted() -> None:
 
 
 def test_rgpe_gives_a_tie_between_sources_to_the_first() -> None:
-    process = GaussianProcess.conditioned(
+    process = GaussianProcess.condition(
         Observations.alike(np.array([[0.1], [0.5], [0.9]]), np.array([-1.0, 0.0, 1.0])),
         Hyperparameters(np.array([0.5]), 1.0, 1e-6),
     )
@@ -152,11 +152,11 @@ def test_rgpe_gives_no_weight_to_a_source_that_is_clearly_worse_than_the_target(
     def process(y: list[float], noise_variance: float) -> GaussianProcess:
         x = np.linspace(0.0, 1.0, len(y))[:, None]
         parameters = Hyperparameters(np.array([0.5]), 1.0, noise_variance)
-        return GaussianProcess.conditioned(Observations.alike(x, np.array(y)), parameters)
+        return GaussianProcess.condition(Observations.alike(x, np.array(y)), parameters)
 
     rising = np.linspace(-1.5, 1.5, 9).tolist()
     # Its draws are wide: now and then one ranks the trials as well as the target's do.
-    vague = GaussianProcess.conditioned(
+    vague = GaussianProcess.condition(
         Observations.alike(np.array([[0.5]]), np.array([0.0])), Hyperparameters(np.array([0.2]), 1.0, 1.0)
     )
     weights = ensemble_weights([vague], process(rising, 0.01), np.random.default_rng(0))
