@@ -1,0 +1,20 @@
+"""A body of one's own on the planar twin: the prism with stiffer springs on one side and two motors only."""
+
+from dataclasses import replace
+
+import vvvaltr
+from vvvaltr.twin.body import prism3
+from vvvaltr.twin.planar.engine import PLANAR_PARTS, PlanarEngine
+from vvvaltr.twin.robot import Scatter, TwinRobot
+from vvvaltr.twin.world import World
+
+prism = prism3(PLANAR_PARTS)
+stiff = tuple(replace(spring, stiffness_n_m=1.5 * spring.stiffness_n_m) for spring in prism.springs[:3])
+body = replace(prism, name="two-motor prism", springs=(*stiff, *prism.springs[3:]), motors=prism.motors[:2])
+
+twin = TwinRobot(PlanarEngine(body, World(friction=0.7)), (4.0, 16.7), seed=1, scatter=Scatter())
+robot = vvvaltr.GuardedRobot(twin, vvvaltr.Limits(twin.max_hz))
+optimizer = vvvaltr.make_optimizer("plain", vvvaltr.GaitSpace.over(2, 4.0, 16.7), seed=1)
+for logged in vvvaltr.learn(robot, optimizer, trials=12, duration_s=3.0):
+    print(f"trial {logged.trial.number:2}: {logged.trial.gait}: {1000 * (logged.score or 0.0):.1f} mm/s")
+print(f"best gait: {optimizer.recommend().gait}")

@@ -1,0 +1,150 @@
+"""vvvaltr as a library: open a robot, learn on it, read a run, in one call each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Self
+
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.protocols import Optimizer, Robot
+from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.values import GaitSpace
+from vvvaltr.controller.loop import learn as loop
+from vvvaltr.controller.loop.safety import GuardedRobot
+from vvvaltr.controller.loop.scoring import SCORES
+from vvvaltr.controller.loop.trial_runner import TrialSettings
+from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
+from vvvaltr.controller.runs import log
+
+
+class OpenRobot(GuardedRobot):
+    """A robot with guarded motors, and what its trials need. Use it in a ``with`` block, which closes it.
+
+    Attributes:
+        settings: how a trial is run: for a real robot with the arena and the limits of its file.
+        space: the gaits worth searching: the frequencies of all motors.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        super().__init__(rig.robot, rig.robot.limits)
+        self.settings = rig.settings
+        self.space = GaitSpace.over(self.motors.motor_count, *rig.range_hz)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def open_robot(
+    name: str | Path = "planar",
+    *,
+    seed: int = 0,
+    body: str | None = None,
+    world: str | None = None,
+    gravity_m_s2: float | None = None,
+    friction: float | None = None,
+    damage: Sequence[str] = (),
+    law: str | None = None,
+) -> OpenRobot:
+    """Return an open robot, ready for ``run_trial`` and ``learn``.
+
+    Args:
+        name: ``planar`` or ``spatial`` for a twin, or the path of a real robot's file, ``robot.toml``.
+        seed: of all that scatters on a twin.
+        body: of a twin: ``prism3`` or ``icosahedron6``; None for the twin's usual one.
+        world: ground of a twin, written as on the command line: ``hills:height_m=0.006``; None for flat ground.
+        gravity_m_s2: of a twin; None for 9.81.
+        friction: Coulomb coefficient of a twin's ground; None for 0.5.
+        damage: to a twin, written as on the command line: ``["snap:3,7"]``.
+        law: force law of a twin's motors: ``eccentric`` or ``constant``; None for eccentric.
+
+    Raises:
+        UserError: there is no such robot or condition, or the robot's file is wrong; the message says how to mend it.
+        DeviceError: a device does not answer as it should.
+        TrackingLost: no pose comes from the tracker.
+    """
+    condition = {
+        "body": body,
+        "world": world,
+        "gravity_m_s2": gravity_m_s2,
+        "friction": friction,
+        "damage": tuple(damage) or None,
+        "law": law,
+    }
+    asked = {key: value for key, value in condition.items() if value is not None}
+    return OpenRobot(open_rig(choose_robot({"name": str(name), **asked}), seed))
+
+
+def learn(
+    robot: Robot,
+    optimizer: Optimizer,
+    *,
+    trials: int = 40,
+    duration_s: float | None = None,
+    settings: TrialSettings | None = None,
+    score: str = "net",
+    out: str | Path | None = None,
+) -> Iterator[LoggedTrial]:
+    """Learn a gait: yields each trial as it ends. Ask, run, score, tell; a failed trial is never told.
+
+    The motors stop at the end of each trial, and whatever ends the loop: an exception, an interrupt, ``break``.
+
+    Args:
+        robot: with guarded motors: from ``open_robot``, or a ``GuardedRobot`` around a robot of your own.
+        optimizer: from ``make_optimizer``, or your own; fresh, it has been told nothing.
+        trials: how many valid trials to make.
+        duration_s: time the motors are driven in each trial; None for what the settings say.
+        settings: how a trial is run; None for the robot's own.
+        score: ``net``, ``path`` or ``forward``: what counts as speed, in m/s.
+        out: a new folder that keeps the trials, for ``read_run``, ``vvvaltr view`` and ``vvvaltr learn --source``; None
+            to keep nothing on disk.
+
+    Raises:
+        UserError: ``trials`` is less than 1, there is no such score, ``out`` exists, or several trials in a row
+            have failed.
+        KeyboardInterrupt: a trial was interrupted; it has been recorded.
+        TrialCrashed: the program failed during a trial; it has been recorded.
+    """
+    if score not in SCORES:
+        raise UserError(f"there is no score {score!r}: choose one of {', '.join(SCORES)}")
+    if out is not None and Path(out).exists():
+        raise UserError(f"{out} exists: choose another folder, or move it away")
+    if trials < 1:
+        raise UserError(f"trials is {trials}: make at least 1")
+    usual = robot.settings if isinstance(robot, OpenRobot) else TrialSettings()
+    chosen = settings or usual
+    if duration_s is not None:
+        chosen = replace(chosen, duration_s=duration_s)
+    return _learn(robot, optimizer, chosen, loop.Budget(trials, score), None if out is None else Path(out))
+
+
+def _learn(
+    robot: Robot, optimizer: Optimizer, settings: TrialSettings, budget: loop.Budget, out: Path | None
+) -> Iterator[LoggedTrial]:
+    with _recording(robot, out) as record:
+        yield from loop.learn(robot, optimizer, settings, budget, record)
+
+
+@contextmanager
+def _recording(robot: Robot, out: Path | None) -> Iterator[Callable[[LoggedTrial], Any]]:
+    """Yield what keeps a trial."""
+    if out is None:
+        yield lambda logged: None
+        return
+    out.mkdir(parents=True)
+    with log.RunLog.create(out / log.LOG_NAME, robot.structure) as kept:
+        yield kept.append
+
+
+def read_run(path: str | Path) -> Run:
+    """Return a run that was kept on disk, from its folder or its ``trials.mcap``; a torn log gives its whole trials.
+
+    Raises:
+        UserError: there is no run, or its log is damaged or was written by a newer version.
+    """
+    return log.read_run(Path(path))
