@@ -1,10 +1,168 @@
-"""What a run consists of, as values: its trials, each with what led to it and what followed."""
+"""What a run consists of, as values: its trials, each with what led to it and what followed.
+
+A field that is None, or empty, was not known: it is never a made-up number.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
 
-from vvvaltr.controller.core.values import Recommendation, Source, Structure, Suggestion, Trial
+from vvvaltr.controller.core.conditions import check_finite
+from vvvaltr.controller.core.values import Gait, Recommendation, Source, Structure, Suggestion, Trial, Vector
+
+
+@dataclass(frozen=True, slots=True)
+class RestingPose:
+    """Where the robot lies before or after a drive, in the world's frame, and how certain that is.
+
+    Args:
+        position_m: x, y, z of the robot's centre.
+        yaw_rad, pitch_rad, roll_rad: intrinsic z-y'-x'' angles, as in ``Pose``.
+        position_sd_m: standard error of x and of y; None where it is not known.
+        yaw_sd_rad: standard error of the yaw; None where it is not known.
+        face: the side on which the robot lies, counted from 1; 0 where it is not known.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+
+    position_m: Vector
+    yaw_rad: float = 0.0
+    pitch_rad: float = 0.0
+    roll_rad: float = 0.0
+    position_sd_m: float | None = None
+    yaw_sd_rad: float | None = None
+    face: int = 0
+
+    def __post_init__(self) -> None:
+        check_finite(**dict(zip(("x_m", "y_m", "z_m"), self.position_m, strict=True)))
+        check_finite(yaw_rad=self.yaw_rad, pitch_rad=self.pitch_rad, roll_rad=self.roll_rad)
+        check_finite(position_sd_m=self.position_sd_m, yaw_sd_rad=self.yaw_sd_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class Displacement:
+    """How far a drive takes the robot, in the frame that the robot has at its start.
+
+    Args:
+        forward_m: along the robot's heading at the start.
+        left_m: across it, to the left.
+        turn_rad: change of heading, counterclockwise positive, unwrapped: a full turn is 2 pi.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+
+    forward_m: float
+    left_m: float
+    turn_rad: float
+
+    def __post_init__(self) -> None:
+        check_finite(forward_m=self.forward_m, left_m=self.left_m, turn_rad=self.turn_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class Movement:
+    """Where a drive began, where it ended, and the displacement between the two."""
+
+    start: RestingPose
+    end: RestingPose
+    displacement: Displacement
+
+
+@dataclass(frozen=True, slots=True)
+class AppliedFrequencies:
+    """What the motors applied, as means over the drive.
+
+    Args:
+        mean_hz: (motors,) signed.
+        measured: whether all of them come from sensors; otherwise they are what the output stages were set to.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+
+    mean_hz: tuple[float, ...]
+    measured: bool
+
+    def __post_init__(self) -> None:
+        check_finite(**{f"motor_{motor}_hz": mean_hz for motor, mean_hz in enumerate(self.mean_hz, start=1)})
+
+
+class Verdict(StrEnum):
+    """What the operator decides about a trial."""
+
+    KEEP = "keep"
+    REPEAT = "repeat"
+    DISCARD = "discard"
+
+
+@dataclass(frozen=True, slots=True)
+class Review:
+    """What the operator and the checks of plausibility say of a trial.
+
+    Args:
+        notes: the operator's, free text.
+        verdict: the operator's; None where nobody was asked.
+        verdict_reason: why, free text.
+        is_suspect: whether a check found the trial implausible although it measured something.
+        suspicion: what the check found.
+    """
+
+    notes: str = ""
+    verdict: Verdict | None = None
+    verdict_reason: str = ""
+    is_suspect: bool = False
+    suspicion: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """The surrogate after a trial, so that a resumed run need not repeat the fits.
+
+    Args:
+        hyperparameters: by name.
+        is_new: whether this trial led to a new fit; otherwise the values are those of the fit before.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+
+    hyperparameters: Mapping[str, float]
+    is_new: bool
+
+    def __post_init__(self) -> None:
+        for name, value in self.hyperparameters.items():
+            check_finite(**{name: value})
+
+
+@dataclass(frozen=True, slots=True)
+class SteeringStep:
+    """Why a gait was driven while steering to a goal.
+
+    Args:
+        goal_m: x, y of the goal in the world's frame.
+        goal_yaw_rad: heading at the goal; None where any heading will do.
+        predicted: what this gait was expected to do.
+        position_sd_m, turn_sd_rad: standard deviations of the prediction; None where they are not known.
+        plan: the gaits that were planned up to the goal, this one first.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+
+    goal_m: tuple[float, float]
+    goal_yaw_rad: float | None
+    predicted: Displacement
+    position_sd_m: float | None = None
+    turn_sd_rad: float | None = None
+    plan: tuple[Gait, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_finite(x_m=self.goal_m[0], y_m=self.goal_m[1], goal_yaw_rad=self.goal_yaw_rad)
+        check_finite(position_sd_m=self.position_sd_m, turn_sd_rad=self.turn_sd_rad)
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,18 +174,38 @@ class LoggedTrial:
         trial: what happened.
         score: in m/s; None where the trial measured nothing.
         recommendation: the best gait known after it; None while there is no model.
+        movement: how the robot moved; None where its poses do not tell.
+        applied: what the motors applied; None where they did not tell.
+        review: what the operator and the checks of plausibility say.
+        fit: the surrogate after the trial; None where the optimiser does not tell.
+        steering: goal and prediction, for a drive of steering.
+
+    Raises:
+        ValueError: the score is not finite.
     """
 
     suggestion: Suggestion
     trial: Trial
     score: float | None
     recommendation: Recommendation | None
+    movement: Movement | None = None
+    applied: AppliedFrequencies | None = None
+    review: Review = field(default_factory=Review)
+    fit: Fit | None = None
+    steering: SteeringStep | None = None
+
+    def __post_init__(self) -> None:
+        check_finite(score_m_s=self.score)
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What a log holds: how the robot is built, what the run learns from, and its complete trials in order."""
+    """What a log holds: how the robot is built, what the run learns from, and its complete trials in order.
+
+    ``about`` says what made the log: ``version`` of vvvaltr, ``robot``, ``seed`` and ``date``, as far as it is known.
+    """
 
     structure: Structure | None = None
     sources: tuple[Source, ...] = ()
     trials: tuple[LoggedTrial, ...] = ()
+    about: Mapping[str, str] = field(default_factory=dict)

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Self
 
+from vvvaltr.controller.core.conditions import Conditions, check_finite
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -236,8 +238,8 @@ class Pose:
 
     @property
     def is_finite(self) -> bool:
-        """Whether position and angles are numbers."""
-        return all(map(math.isfinite, (*self.position_m, self.yaw_rad, self.pitch_rad, self.roll_rad)))
+        """Whether time, position and angles are finite numbers."""
+        return all(map(math.isfinite, (self.t_s, *self.position_m, self.yaw_rad, self.pitch_rad, self.roll_rad)))
 
 
 class Outcome(StrEnum):
@@ -271,6 +273,10 @@ class Trial:
         poses: from the start of the drive to its end, both included.
         commands: every request that was sent.
         states: what the device applied.
+        conditions: battery, session, tracker: what else was read.
+
+    Raises:
+        ValueError: a time is not finite.
     """
 
     number: int
@@ -282,6 +288,10 @@ class Trial:
     poses: tuple[Pose, ...] = ()
     commands: tuple[Command, ...] = ()
     states: tuple[MotorState, ...] = ()
+    conditions: Conditions = field(default_factory=Conditions)
+
+    def __post_init__(self) -> None:
+        check_finite(started_unix_s=self.started_unix_s, duration_s=self.duration_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,6 +303,13 @@ class Estimate:
     high: float
 
 
+class Phase(StrEnum):
+    """What a trial is for."""
+
+    SEARCH = "search"  # to find a better gait
+    CONFIRMATION = "confirmation"  # to repeat a promising gait
+
+
 @dataclass(frozen=True, slots=True)
 class Suggestion:
     """A gait to try next, and why.
@@ -302,12 +319,14 @@ class Suggestion:
         origin: what proposed it, in two or three words ("initial design", "expected improvement").
         expected: what the model expects of its true score; None while there is no model.
         hyperparameters: the model's, by name; empty while there is no model.
+        phase: what the trial is for.
     """
 
     gait: Gait
     origin: str
     expected: Estimate | None = None
     hyperparameters: Mapping[str, float] = field(default_factory=dict)
+    phase: Phase = Phase.SEARCH
 
 
 @dataclass(frozen=True, slots=True)

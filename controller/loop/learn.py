@@ -11,15 +11,12 @@ from typing import Any
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.protocols import Optimizer, Robot
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Gait, Outcome, Recommendation, Source, Suggestion, Trial
+from vvvaltr.controller.core.values import Gait, Outcome, Phase, Recommendation, Source, Suggestion, Trial
+from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 
-_PATIENCE = 3  # failed trials in a row after which somebody has to look at the robot
-
-
-CONFIRMATION = "confirmation"
-"""Origin of the suggestions that repeat a promising gait."""
+_FAILURES_IN_A_ROW = 3  # after which somebody has to look at the robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +84,7 @@ def learn(
         try:
             trial = run_trial(robot, suggestion.gait, settings, number)
         except TrialCrashed as crash:
-            record(LoggedTrial(suggestion, crash.trial, None, None))
+            record(_measured(suggestion, crash.trial))
             raise
         logged = plan.judge(suggestion, trial)
         record(logged)
@@ -108,7 +105,7 @@ class _Plan:
 
     def remember(self, logged: LoggedTrial) -> None:
         """Take in a trial that the run already has."""
-        if logged.suggestion.origin == CONFIRMATION:
+        if logged.suggestion.phase is Phase.CONFIRMATION:
             self._begin_confirmation()
         if logged.score is not None:
             self._take(logged.suggestion, logged.trial.gait, logged.score)
@@ -121,15 +118,15 @@ class _Plan:
         if self._confirmed == len(finalists) * self._budget.confirm[1]:
             return None
         gait = finalists[self._confirmed % len(finalists)]
-        return Suggestion(gait, CONFIRMATION, self._optimizer.predict([gait])[0])
+        return Suggestion(gait, "confirmation", self._optimizer.predict([gait])[0], phase=Phase.CONFIRMATION)
 
     def judge(self, suggestion: Suggestion, trial: Trial) -> LoggedTrial:
         """Score a trial and learn from it, if it measured something."""
         if not trial.outcome.is_valid:
-            return LoggedTrial(suggestion, trial, None, None)
+            return _measured(suggestion, trial)
         speed_m_s = score(trial, self._budget.score_name)
         self._take(suggestion, trial.gait, speed_m_s)
-        return LoggedTrial(suggestion, trial, speed_m_s, self._recommend())
+        return _measured(suggestion, trial, speed_m_s, self._recommend())
 
     def _is_search_over(self) -> bool:
         if self._searched >= self._budget.search_trials:
@@ -145,7 +142,7 @@ class _Plan:
 
     def _take(self, suggestion: Suggestion, gait: Gait, speed_m_s: float) -> None:
         self._optimizer.tell(gait, speed_m_s)
-        if suggestion.origin == CONFIRMATION:
+        if suggestion.phase is Phase.CONFIRMATION:
             self._confirmed += 1
         else:
             self._searched += 1
@@ -157,10 +154,18 @@ class _Plan:
         return Recommendation(*max(candidates, key=lambda candidate: candidate[1].mean))
 
 
+def _measured(
+    suggestion: Suggestion, trial: Trial, speed_m_s: float | None = None, recommendation: Recommendation | None = None
+) -> LoggedTrial:
+    """Return the trial for the log, with what its poses and states tell."""
+    movement, applied = measure_movement(trial), measure_applied(trial)
+    return LoggedTrial(suggestion, trial, speed_m_s, recommendation, movement, applied)
+
+
 def _stop_if_hopeless(trial: Trial, failures: int) -> None:
     if trial.outcome is Outcome.INTERRUPTED:
         raise KeyboardInterrupt(trial.reason)
-    if failures >= _PATIENCE:
+    if failures >= _FAILURES_IN_A_ROW:
         raise UserError(f"{failures} trials in a row failed, the last one so: {trial.outcome}: {trial.reason}")
 
 

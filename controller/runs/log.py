@@ -9,8 +9,8 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any, Self, cast
 
@@ -21,21 +21,14 @@ from mcap.writer import CompressionType, Writer
 from vvvaltr.controller.core.disk import sync_folder
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import (
-    Command,
-    MotorState,
-    Pose,
-    Source,
-    Structure,
-    Suggestion,
-    Trial,
-)
+from vvvaltr.controller.core.values import Command, MotorState, Pose, Source, Structure, Suggestion, Trial
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, NewFile, TornFile, entries, lock, register
+from vvvaltr.controller.runs.schema.trial_codec import trial_from, trial_message
 
 LOG_NAME = "trials.mcap"
-FORMAT = 1
+FORMAT = 2  # 1 was written by version 0.1; what it lacks is absent
 _KINDS: dict[str, type[Message]] = {
     "/run": pb.Run,
     "/optimizer/suggestion": pb.Suggestion,
@@ -60,14 +53,21 @@ class RunLog:
         self._channels = {topic: register(self._writer, topic, kind) for topic, kind in _KINDS.items()}
         self._end_ns = 0  # of the last trial
         begin_ns = _ns(head.trials[0].trial.started_unix_s) if head.trials else time.time_ns()
-        self._write([("/run", begin_ns, codec.run_message(FORMAT, head.structure, head.sources))])
+        self._writer.add_metadata("vvvaltr", dict(head.about))
+        self._write([("/run", begin_ns, codec.run_message(FORMAT, head))])
         for logged in head.trials:
             self._write(self._messages(logged))
         disk.sync()
 
     @classmethod
-    def create(cls, path: Path, structure: Structure | None, sources: Sequence[Source] = ()) -> Self:
-        """Begin a new log.
+    def create(
+        cls,
+        path: Path,
+        structure: Structure | None,
+        sources: Sequence[Source] = (),
+        about: Mapping[str, str] | None = None,
+    ) -> Self:
+        """Begin a new log; the arguments are those of ``Run``.
 
         Raises:
             FileExistsError: there is a file at ``path`` already; it is not touched.
@@ -75,7 +75,7 @@ class RunLog:
         """
         disk = NewFile(path)
         try:
-            log = cls(disk, Run(structure, tuple(sources)))
+            log = cls(disk, Run(structure, tuple(sources), about=about or {}))
             sync_folder(path)
         except BaseException:
             disk.close()
@@ -156,7 +156,7 @@ class RunLog:
 
     def _messages(self, logged: LoggedTrial) -> list[_Timed]:
         trial = logged.trial
-        origin_ns, end_ns = trial_span_ns(trial, after_ns=self._end_ns)
+        origin_ns, end_ns = find_trial_span_ns(trial, after_ns=self._end_ns)
         messages: list[_Timed] = [("/optimizer/suggestion", origin_ns, codec.suggestion_message(logged.suggestion))]
         for pose in trial.poses:
             at_ns = origin_ns + _ns(pose.t_s)
@@ -167,7 +167,7 @@ class RunLog:
             ("/motors/command", origin_ns + _ns(each.t_s), codec.command_message(each)) for each in trial.commands
         ]
         messages += [("/motors/state", origin_ns + _ns(each.t_s), codec.state_message(each)) for each in trial.states]
-        messages.append(("/trial", end_ns, codec.trial_message(trial, logged.score, logged.recommendation)))
+        messages.append(("/trial", end_ns, trial_message(logged)))
         self._end_ns = end_ns
         return messages
 
@@ -178,7 +178,7 @@ class RunLog:
         self._writer.flush()  # type: ignore[no-untyped-call]
 
 
-def trial_span_ns(trial: Trial, after_ns: int) -> tuple[int, int]:
+def find_trial_span_ns(trial: Trial, after_ns: int) -> tuple[int, int]:
     """Return where a trial begins and ends in its log, in nanoseconds since 1970.
 
     A twin runs faster than real time: a trial begins when it did or where the last one ended (``after_ns``), whichever
@@ -219,7 +219,7 @@ class _Contents:
     """What has been read of a log so far."""
 
     path: Path
-    head: tuple[Structure | None, tuple[Source, ...]] | None = None
+    head: Run | None = None
     suggestion: Suggestion | None = None
     poses: list[Pose] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
@@ -246,7 +246,7 @@ class _Contents:
         """Return what has been read, without a trial that has no end."""
         if self.head is None:
             raise UserError(f"{self.path} holds no run: give the log of one, or begin the run again")
-        return Run(*self.head, tuple(self.trials))
+        return replace(self.head, trials=tuple(self.trials))
 
     def _begin(self, message: pb.Run) -> None:
         if message.format > FORMAT:
@@ -258,9 +258,7 @@ class _Contents:
     def _end_trial(self, message: pb.Trial) -> None:
         if self.suggestion is None:
             raise ValueError(f"trial {message.number} has no suggestion")
-        trial = codec.trial_from(message, self.poses, self.commands, self.states)
-        score, recommendation = codec.result_from(message)
-        self.trials.append(LoggedTrial(self.suggestion, trial, score, recommendation))
+        self.trials.append(trial_from(message, self.suggestion, self.poses, self.commands, self.states))
         self.suggestion, self.poses, self.commands, self.states = None, [], [], []
 
 

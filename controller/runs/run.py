@@ -6,11 +6,13 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from vvvaltr import __version__
 from vvvaltr.controller.core.disk import new_folder, write_whole
 from vvvaltr.controller.core.errors import UserError, one_line_errors
 from vvvaltr.controller.core.protocols import Optimizer
@@ -56,7 +58,7 @@ class RunDirectory:
             undo.callback(rig.robot.close)
             config = _complete({**asked, "robot": choice}, rig)
             optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
-            logged = Run(rig.robot.structure, sources, ())
+            logged = Run(rig.robot.structure, sources, about=_describe(config))
             log = _begin(path, config, logged)
             undo.pop_all()
         return cls(path, config, rig, optimizer, log, logged)
@@ -150,6 +152,12 @@ def _errors_of(path: Path) -> Iterator[None]:
         raise UserError(f"{path}: {error}") from None
 
 
+def _describe(config: RunConfig) -> dict[str, str]:
+    """Return what made a log that is about to begin."""
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"version": __version__, "robot": config.robot.name, "seed": str(config.seed), "date": date}
+
+
 def _refuse_existing(path: Path) -> None:
     if path.exists():
         raise UserError(f"{path} exists: choose another --out, or go on with it by --resume {path}")
@@ -161,7 +169,7 @@ def _begin(path: Path, config: RunConfig, head: Run) -> RunLog:
         try:
             with new_folder(path) as fresh:
                 save_config(config, fresh / "run.toml")
-                log = undo.enter_context(RunLog.create(fresh / LOG_NAME, head.structure, head.sources))
+                log = undo.enter_context(RunLog.create(fresh / LOG_NAME, head.structure, head.sources, head.about))
         except OSError as error:
             _refuse_existing(path)  # made meanwhile, by another process
             raise UserError(f"{path} cannot be made: {error.strerror}; choose another --out, or make room") from error

@@ -16,7 +16,7 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Gait, Pose, Structure, Terrain, Trial
-from vvvaltr.controller.runs.log import trial_span_ns
+from vvvaltr.controller.runs.log import find_trial_span_ns
 from vvvaltr.controller.view.scene_forces import force_columns, send_force_styles
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class Scene:
             self._send_texts(placed)
 
     def _place(self, logged: LoggedTrial) -> _Placed:
-        begin_ns, self._end_ns = trial_span_ns(logged.trial, after_ns=self._end_ns)
+        begin_ns, self._end_ns = find_trial_span_ns(logged.trial, after_ns=self._end_ns)
         self._begin_ns = begin_ns if self._begin_ns is None else self._begin_ns
         self._trials.append(logged)
         return _Placed(logged, (begin_ns - self._begin_ns) / 1e9, (self._end_ns - self._begin_ns) / 1e9)

@@ -5,7 +5,16 @@ from __future__ import annotations
 import math
 import random
 
-from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.conditions import Conditions
+from vvvaltr.controller.core.records import (
+    Displacement,
+    Fit,
+    LoggedTrial,
+    Review,
+    Run,
+    SteeringStep,
+    Verdict,
+)
 from vvvaltr.controller.core.values import (
     Command,
     Estimate,
@@ -21,6 +30,7 @@ from vvvaltr.controller.core.values import (
     Terrain,
     Trial,
 )
+from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 
 X_M = tuple(0.02 * step for step in range(-10, 31))
 STRUCTURE = Structure(
@@ -50,18 +60,31 @@ def logged_trial(number: int, poses: int = 21, outcome: Outcome = Outcome.COMPLE
         poses=tuple(_pose(t_s, speed_m_s, draw) for t_s in times_s),
         commands=tuple(Command(t_s, gait.scaled(min(1.0, 5 * t_s)), 0.3) for t_s in times_s),
         states=tuple(_state(t_s, gait, draw) for t_s in times_s),
+        conditions=Conditions(60.0 * number, 7.4 - 0.01 * number, number == 3, 2, 0.012, 0.003),
     )
+    movement, applied = measure_movement(trial), measure_applied(trial)
     if not outcome.is_valid:
-        return LoggedTrial(Suggestion(gait, "initial design"), trial, None, None)
+        suggestion = Suggestion(gait, "initial design")
+        return LoggedTrial(suggestion, trial, None, None, movement, applied, Review(verdict=Verdict.REPEAT))
     suggestion = Suggestion(gait, "expected improvement", estimate, {"length_scale_1": 0.3, "noise": 0.02})
-    return LoggedTrial(suggestion, trial, speed_m_s * draw.uniform(0.7, 1.3), Recommendation(gait, estimate))
+    return LoggedTrial(
+        suggestion,
+        trial,
+        speed_m_s * draw.uniform(0.7, 1.3),
+        Recommendation(gait, estimate),
+        movement,
+        applied,
+        Review("a cable touched it", Verdict.KEEP, "only at the end", True, "turned faster than it can"),
+        Fit({"length_scale_1": 0.3, "noise": 0.02}, is_new=True),
+        SteeringStep((0.3, 0.1), 1.57, Displacement(0.04, 0.0, 0.1), 0.01, 0.2, (gait, gait)),
+    )
 
 
 def sample_run(trials: int = 4, poses: int = 21) -> Run:
     """Return a run whose second trial lost its tracker."""
     outcomes = {2: Outcome.TRACKING_LOST}
     logged = (logged_trial(n, poses, outcomes.get(n, Outcome.COMPLETED)) for n in range(1, trials + 1))
-    return Run(STRUCTURE, (SOURCE,), tuple(logged))
+    return Run(STRUCTURE, (SOURCE,), tuple(logged), {"version": "0.2.0", "robot": "sample", "seed": "0"})
 
 
 def _pose(t_s: float, speed_m_s: float, draw: random.Random) -> Pose:

@@ -5,7 +5,7 @@ Each ``..._from`` raises ValueError where a message holds what no run writes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import chain
 from math import cos, sin
 
@@ -15,20 +15,20 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from vvvaltr.controller.core.conditions import check_finite
+from vvvaltr.controller.core.records import Run
 from vvvaltr.controller.core.values import (
     Command,
     Estimate,
     Forces,
     Gait,
     MotorState,
-    Outcome,
+    Phase,
     Pose,
-    Recommendation,
     Source,
     Structure,
     Suggestion,
     Terrain,
-    Trial,
     Vector,
 )
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
@@ -44,11 +44,13 @@ def gait_from(message: pb.Gait) -> Gait:
     return Gait(tuple(message.frequency_hz), tuple(message.phase_rad), tuple(message.amplitude))
 
 
-def _estimate_message(estimate: Estimate) -> pb.Estimate:
+def estimate_message(estimate: Estimate) -> pb.Estimate:
+    """Return the message of an estimate."""
     return pb.Estimate(mean_m_s=estimate.mean, low_m_s=estimate.low, high_m_s=estimate.high)
 
 
-def _estimate_from(message: pb.Estimate) -> Estimate:
+def estimate_from(message: pb.Estimate) -> Estimate:
+    """Return the estimate of a message."""
     return Estimate(message.mean_m_s, message.low_m_s, message.high_m_s)
 
 
@@ -81,23 +83,24 @@ def _terrain_from(message: pb.Terrain) -> Terrain:
     return Terrain(tuple(message.x_m), tuple(message.y_m), tuple(rows))
 
 
-def run_message(version: int, structure: Structure | None, sources: Sequence[Source]) -> pb.Run:
-    """Return the message that begins a log of the given format version."""
+def run_message(version: int, head: Run) -> pb.Run:
+    """Return the message that begins a log of the given format version; the trials are no part of it."""
     return pb.Run(
         format=version,
-        structure=None if structure is None else _structure_message(structure),
+        structure=None if head.structure is None else _structure_message(head.structure),
         sources=[
             pb.Source(name=source.name, gaits=map(gait_message, source.gaits), scores_m_s=source.scores)
-            for source in sources
+            for source in head.sources
         ],
+        about=head.about,
     )
 
 
-def run_from(message: pb.Run) -> tuple[Structure | None, tuple[Source, ...]]:
-    """Return how the robot is built and what the run learns from."""
+def run_from(message: pb.Run) -> Run:
+    """Return the run that a message begins, without trials."""
     structure = _structure_from(message.structure) if message.HasField("structure") else None
     sources = (Source(it.name, tuple(map(gait_from, it.gaits)), tuple(it.scores_m_s)) for it in message.sources)
-    return structure, tuple(sources)
+    return Run(structure, tuple(sources), about=dict(message.about))
 
 
 def suggestion_message(suggestion: Suggestion) -> pb.Suggestion:
@@ -105,15 +108,28 @@ def suggestion_message(suggestion: Suggestion) -> pb.Suggestion:
     return pb.Suggestion(
         gait=gait_message(suggestion.gait),
         origin=suggestion.origin,
-        expected=None if suggestion.expected is None else _estimate_message(suggestion.expected),
+        expected=None if suggestion.expected is None else estimate_message(suggestion.expected),
         hyperparameters=suggestion.hyperparameters,
+        phase=suggestion.phase.value,
     )
 
 
 def suggestion_from(message: pb.Suggestion) -> Suggestion:
     """Return the suggestion of a message."""
-    expected = _estimate_from(message.expected) if message.HasField("expected") else None
-    return Suggestion(gait_from(message.gait), message.origin, expected, dict(message.hyperparameters))
+    expected = estimate_from(message.expected) if message.HasField("expected") else None
+    phase = Phase(message.phase) if message.phase else _phase_before_format_2(message.origin)
+    return Suggestion(gait_from(message.gait), message.origin, expected, dict(message.hyperparameters), phase)
+
+
+def _phase_before_format_2(origin: str) -> Phase:
+    """Return the phase of a trial whose log has no field for it: only the origin told."""
+    return Phase.CONFIRMATION if origin == "confirmation" else Phase.SEARCH
+
+
+def finite(number: float, name: str) -> float:
+    """Return ``number``. Raises ValueError, with its name, if it is not finite."""
+    check_finite(**{name: number})
+    return number
 
 
 def tracking_message(pose: Pose) -> pb.Tracking:
@@ -135,7 +151,7 @@ def tracking_message(pose: Pose) -> pb.Tracking:
 def tracking_from(message: pb.Tracking) -> Pose:
     """Return the pose of a message."""
     return Pose(
-        message.t_s,
+        finite(message.t_s, "t_s"),
         (message.x_m, message.y_m, message.z_m),
         message.yaw_rad,
         message.pitch_rad,
@@ -203,7 +219,7 @@ def command_message(command: Command) -> pb.Command:
 
 def command_from(message: pb.Command) -> Command:
     """Return the command of a message."""
-    return Command(message.t_s, gait_from(message.gait), message.hold_s)
+    return Command(finite(message.t_s, "t_s"), gait_from(message.gait), message.hold_s)
 
 
 def state_message(state: MotorState) -> pb.MotorState:
@@ -220,55 +236,9 @@ def state_message(state: MotorState) -> pb.MotorState:
 def state_from(message: pb.MotorState) -> MotorState:
     """Return the motors' state of a message."""
     return MotorState(
-        message.t_s,
+        finite(message.t_s, "t_s"),
         tuple(message.frequency_hz),
         message.measured,
         tuple(message.current_a),
         tuple(message.temperature_c),
-    )
-
-
-def trial_message(trial: Trial, score: float | None, recommendation: Recommendation | None) -> pb.Trial:
-    """Return the message that ends a trial: its outcome, its score (m/s), and what is recommended after it."""
-    return pb.Trial(
-        number=trial.number,
-        gait=gait_message(trial.gait),
-        outcome=trial.outcome.value,
-        reason=trial.reason,
-        started_unix_s=trial.started_unix_s,
-        duration_s=trial.duration_s,
-        score_m_s=score,
-        recommendation=None
-        if recommendation is None
-        else pb.Recommendation(
-            gait=gait_message(recommendation.gait), estimate=_estimate_message(recommendation.estimate)
-        ),
-    )
-
-
-def trial_from(
-    message: pb.Trial, poses: Iterable[Pose], commands: Iterable[Command], states: Iterable[MotorState]
-) -> Trial:
-    """Return the trial that a message ends, with what was recorded before it."""
-    return Trial(
-        message.number,
-        gait_from(message.gait),
-        Outcome(message.outcome),
-        message.reason,
-        message.started_unix_s,
-        message.duration_s,
-        tuple(poses),
-        tuple(commands),
-        tuple(states),
-    )
-
-
-def result_from(message: pb.Trial) -> tuple[float | None, Recommendation | None]:
-    """Return the score (m/s) of a trial and what was recommended after it."""
-    recommendation = message.recommendation
-    return (
-        message.score_m_s if message.HasField("score_m_s") else None,
-        Recommendation(gait_from(recommendation.gait), _estimate_from(recommendation.estimate))
-        if message.HasField("recommendation")
-        else None,
     )

@@ -67,17 +67,26 @@ class Source(_message.Message):
     def __init__(self, name: _Optional[str] = ..., gaits: _Optional[_Iterable[_Union[Gait, _Mapping]]] = ..., scores_m_s: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Run(_message.Message):
-    __slots__ = ("format", "structure", "sources")
+    __slots__ = ("format", "structure", "sources", "about")
+    class AboutEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: str
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[str] = ...) -> None: ...
     FORMAT_FIELD_NUMBER: _ClassVar[int]
     STRUCTURE_FIELD_NUMBER: _ClassVar[int]
     SOURCES_FIELD_NUMBER: _ClassVar[int]
+    ABOUT_FIELD_NUMBER: _ClassVar[int]
     format: int
     structure: Structure
     sources: _containers.RepeatedCompositeFieldContainer[Source]
-    def __init__(self, format: _Optional[int] = ..., structure: _Optional[_Union[Structure, _Mapping]] = ..., sources: _Optional[_Iterable[_Union[Source, _Mapping]]] = ...) -> None: ...
+    about: _containers.ScalarMap[str, str]
+    def __init__(self, format: _Optional[int] = ..., structure: _Optional[_Union[Structure, _Mapping]] = ..., sources: _Optional[_Iterable[_Union[Source, _Mapping]]] = ..., about: _Optional[_Mapping[str, str]] = ...) -> None: ...
 
 class Suggestion(_message.Message):
-    __slots__ = ("gait", "origin", "expected", "hyperparameters")
+    __slots__ = ("gait", "origin", "expected", "hyperparameters", "phase")
     class HyperparametersEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -89,11 +98,13 @@ class Suggestion(_message.Message):
     ORIGIN_FIELD_NUMBER: _ClassVar[int]
     EXPECTED_FIELD_NUMBER: _ClassVar[int]
     HYPERPARAMETERS_FIELD_NUMBER: _ClassVar[int]
+    PHASE_FIELD_NUMBER: _ClassVar[int]
     gait: Gait
     origin: str
     expected: Estimate
     hyperparameters: _containers.ScalarMap[str, float]
-    def __init__(self, gait: _Optional[_Union[Gait, _Mapping]] = ..., origin: _Optional[str] = ..., expected: _Optional[_Union[Estimate, _Mapping]] = ..., hyperparameters: _Optional[_Mapping[str, float]] = ...) -> None: ...
+    phase: str
+    def __init__(self, gait: _Optional[_Union[Gait, _Mapping]] = ..., origin: _Optional[str] = ..., expected: _Optional[_Union[Estimate, _Mapping]] = ..., hyperparameters: _Optional[_Mapping[str, float]] = ..., phase: _Optional[str] = ...) -> None: ...
 
 class Forces(_message.Message):
     __slots__ = ("tensions_n", "motors_n", "contacts_m", "contacts_n")
@@ -161,8 +172,121 @@ class Recommendation(_message.Message):
     estimate: Estimate
     def __init__(self, gait: _Optional[_Union[Gait, _Mapping]] = ..., estimate: _Optional[_Union[Estimate, _Mapping]] = ...) -> None: ...
 
+class RestingPose(_message.Message):
+    __slots__ = ("x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "roll_rad", "position_sd_m", "yaw_sd_rad", "face")
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    Z_M_FIELD_NUMBER: _ClassVar[int]
+    YAW_RAD_FIELD_NUMBER: _ClassVar[int]
+    PITCH_RAD_FIELD_NUMBER: _ClassVar[int]
+    ROLL_RAD_FIELD_NUMBER: _ClassVar[int]
+    POSITION_SD_M_FIELD_NUMBER: _ClassVar[int]
+    YAW_SD_RAD_FIELD_NUMBER: _ClassVar[int]
+    FACE_FIELD_NUMBER: _ClassVar[int]
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float
+    pitch_rad: float
+    roll_rad: float
+    position_sd_m: float
+    yaw_sd_rad: float
+    face: int
+    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ..., yaw_rad: _Optional[float] = ..., pitch_rad: _Optional[float] = ..., roll_rad: _Optional[float] = ..., position_sd_m: _Optional[float] = ..., yaw_sd_rad: _Optional[float] = ..., face: _Optional[int] = ...) -> None: ...
+
+class Displacement(_message.Message):
+    __slots__ = ("forward_m", "left_m", "turn_rad")
+    FORWARD_M_FIELD_NUMBER: _ClassVar[int]
+    LEFT_M_FIELD_NUMBER: _ClassVar[int]
+    TURN_RAD_FIELD_NUMBER: _ClassVar[int]
+    forward_m: float
+    left_m: float
+    turn_rad: float
+    def __init__(self, forward_m: _Optional[float] = ..., left_m: _Optional[float] = ..., turn_rad: _Optional[float] = ...) -> None: ...
+
+class Movement(_message.Message):
+    __slots__ = ("start", "end", "displacement")
+    START_FIELD_NUMBER: _ClassVar[int]
+    END_FIELD_NUMBER: _ClassVar[int]
+    DISPLACEMENT_FIELD_NUMBER: _ClassVar[int]
+    start: RestingPose
+    end: RestingPose
+    displacement: Displacement
+    def __init__(self, start: _Optional[_Union[RestingPose, _Mapping]] = ..., end: _Optional[_Union[RestingPose, _Mapping]] = ..., displacement: _Optional[_Union[Displacement, _Mapping]] = ...) -> None: ...
+
+class AppliedFrequencies(_message.Message):
+    __slots__ = ("mean_hz", "measured")
+    MEAN_HZ_FIELD_NUMBER: _ClassVar[int]
+    MEASURED_FIELD_NUMBER: _ClassVar[int]
+    mean_hz: _containers.RepeatedScalarFieldContainer[float]
+    measured: bool
+    def __init__(self, mean_hz: _Optional[_Iterable[float]] = ..., measured: bool = ...) -> None: ...
+
+class Conditions(_message.Message):
+    __slots__ = ("session_s", "battery_v", "battery_changed", "dropped_poses", "tracker_offset_s", "tracker_jitter_s")
+    SESSION_S_FIELD_NUMBER: _ClassVar[int]
+    BATTERY_V_FIELD_NUMBER: _ClassVar[int]
+    BATTERY_CHANGED_FIELD_NUMBER: _ClassVar[int]
+    DROPPED_POSES_FIELD_NUMBER: _ClassVar[int]
+    TRACKER_OFFSET_S_FIELD_NUMBER: _ClassVar[int]
+    TRACKER_JITTER_S_FIELD_NUMBER: _ClassVar[int]
+    session_s: float
+    battery_v: float
+    battery_changed: bool
+    dropped_poses: int
+    tracker_offset_s: float
+    tracker_jitter_s: float
+    def __init__(self, session_s: _Optional[float] = ..., battery_v: _Optional[float] = ..., battery_changed: bool = ..., dropped_poses: _Optional[int] = ..., tracker_offset_s: _Optional[float] = ..., tracker_jitter_s: _Optional[float] = ...) -> None: ...
+
+class Review(_message.Message):
+    __slots__ = ("notes", "verdict", "verdict_reason", "is_suspect", "suspicion")
+    NOTES_FIELD_NUMBER: _ClassVar[int]
+    VERDICT_FIELD_NUMBER: _ClassVar[int]
+    VERDICT_REASON_FIELD_NUMBER: _ClassVar[int]
+    IS_SUSPECT_FIELD_NUMBER: _ClassVar[int]
+    SUSPICION_FIELD_NUMBER: _ClassVar[int]
+    notes: str
+    verdict: str
+    verdict_reason: str
+    is_suspect: bool
+    suspicion: str
+    def __init__(self, notes: _Optional[str] = ..., verdict: _Optional[str] = ..., verdict_reason: _Optional[str] = ..., is_suspect: bool = ..., suspicion: _Optional[str] = ...) -> None: ...
+
+class Fit(_message.Message):
+    __slots__ = ("hyperparameters", "is_new")
+    class HyperparametersEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: float
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[float] = ...) -> None: ...
+    HYPERPARAMETERS_FIELD_NUMBER: _ClassVar[int]
+    IS_NEW_FIELD_NUMBER: _ClassVar[int]
+    hyperparameters: _containers.ScalarMap[str, float]
+    is_new: bool
+    def __init__(self, hyperparameters: _Optional[_Mapping[str, float]] = ..., is_new: bool = ...) -> None: ...
+
+class SteeringStep(_message.Message):
+    __slots__ = ("goal_x_m", "goal_y_m", "goal_yaw_rad", "predicted", "position_sd_m", "turn_sd_rad", "plan")
+    GOAL_X_M_FIELD_NUMBER: _ClassVar[int]
+    GOAL_Y_M_FIELD_NUMBER: _ClassVar[int]
+    GOAL_YAW_RAD_FIELD_NUMBER: _ClassVar[int]
+    PREDICTED_FIELD_NUMBER: _ClassVar[int]
+    POSITION_SD_M_FIELD_NUMBER: _ClassVar[int]
+    TURN_SD_RAD_FIELD_NUMBER: _ClassVar[int]
+    PLAN_FIELD_NUMBER: _ClassVar[int]
+    goal_x_m: float
+    goal_y_m: float
+    goal_yaw_rad: float
+    predicted: Displacement
+    position_sd_m: float
+    turn_sd_rad: float
+    plan: _containers.RepeatedCompositeFieldContainer[Gait]
+    def __init__(self, goal_x_m: _Optional[float] = ..., goal_y_m: _Optional[float] = ..., goal_yaw_rad: _Optional[float] = ..., predicted: _Optional[_Union[Displacement, _Mapping]] = ..., position_sd_m: _Optional[float] = ..., turn_sd_rad: _Optional[float] = ..., plan: _Optional[_Iterable[_Union[Gait, _Mapping]]] = ...) -> None: ...
+
 class Trial(_message.Message):
-    __slots__ = ("number", "gait", "outcome", "reason", "started_unix_s", "duration_s", "score_m_s", "recommendation")
+    __slots__ = ("number", "gait", "outcome", "reason", "started_unix_s", "duration_s", "score_m_s", "recommendation", "movement", "applied", "conditions", "review", "fit", "steering")
     NUMBER_FIELD_NUMBER: _ClassVar[int]
     GAIT_FIELD_NUMBER: _ClassVar[int]
     OUTCOME_FIELD_NUMBER: _ClassVar[int]
@@ -171,6 +295,12 @@ class Trial(_message.Message):
     DURATION_S_FIELD_NUMBER: _ClassVar[int]
     SCORE_M_S_FIELD_NUMBER: _ClassVar[int]
     RECOMMENDATION_FIELD_NUMBER: _ClassVar[int]
+    MOVEMENT_FIELD_NUMBER: _ClassVar[int]
+    APPLIED_FIELD_NUMBER: _ClassVar[int]
+    CONDITIONS_FIELD_NUMBER: _ClassVar[int]
+    REVIEW_FIELD_NUMBER: _ClassVar[int]
+    FIT_FIELD_NUMBER: _ClassVar[int]
+    STEERING_FIELD_NUMBER: _ClassVar[int]
     number: int
     gait: Gait
     outcome: str
@@ -179,4 +309,10 @@ class Trial(_message.Message):
     duration_s: float
     score_m_s: float
     recommendation: Recommendation
-    def __init__(self, number: _Optional[int] = ..., gait: _Optional[_Union[Gait, _Mapping]] = ..., outcome: _Optional[str] = ..., reason: _Optional[str] = ..., started_unix_s: _Optional[float] = ..., duration_s: _Optional[float] = ..., score_m_s: _Optional[float] = ..., recommendation: _Optional[_Union[Recommendation, _Mapping]] = ...) -> None: ...
+    movement: Movement
+    applied: AppliedFrequencies
+    conditions: Conditions
+    review: Review
+    fit: Fit
+    steering: SteeringStep
+    def __init__(self, number: _Optional[int] = ..., gait: _Optional[_Union[Gait, _Mapping]] = ..., outcome: _Optional[str] = ..., reason: _Optional[str] = ..., started_unix_s: _Optional[float] = ..., duration_s: _Optional[float] = ..., score_m_s: _Optional[float] = ..., recommendation: _Optional[_Union[Recommendation, _Mapping]] = ..., movement: _Optional[_Union[Movement, _Mapping]] = ..., applied: _Optional[_Union[AppliedFrequencies, _Mapping]] = ..., conditions: _Optional[_Union[Conditions, _Mapping]] = ..., review: _Optional[_Union[Review, _Mapping]] = ..., fit: _Optional[_Union[Fit, _Mapping]] = ..., steering: _Optional[_Union[SteeringStep, _Mapping]] = ...) -> None: ...

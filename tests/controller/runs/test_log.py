@@ -20,14 +20,27 @@ from mcap.writer import CompressionType, Writer
 from sample_run import SOURCE, STRUCTURE, logged_trial, sample_run
 from scipy.spatial.transform import Rotation
 
+from vvvaltr.controller.core.conditions import Conditions
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.records import (
+    AppliedFrequencies,
+    Displacement,
+    Fit,
+    LoggedTrial,
+    Movement,
+    RestingPose,
+    Review,
+    Run,
+    SteeringStep,
+    Verdict,
+)
 from vvvaltr.controller.core.values import (
     Command,
     Estimate,
     Gait,
     MotorState,
     Outcome,
+    Phase,
     Pose,
     Recommendation,
     Suggestion,
@@ -37,12 +50,13 @@ from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 from vvvaltr.controller.runs.schema.mcap_file import register
+from vvvaltr.controller.runs.schema.trial_codec import trial_from
 
 RUN = sample_run()
 
 
 def write(path: Path, run: Run = RUN) -> Path:
-    with RunLog.create(path, run.structure, run.sources) as log:
+    with RunLog.create(path, run.structure, run.sources, run.about) as log:
         for logged in run.trials:
             log.append(logged)
     return path
@@ -80,6 +94,8 @@ def test_a_run_without_structure_sources_or_trials_reads_back_equal(tmp_path: Pa
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 times = st.floats(0, 1e4)
+maybe = st.none() | numbers
+counts = st.integers(0, 2**31)
 gaits = st.integers(0, 4).flatmap(
     lambda n: st.builds(
         Gait,
@@ -107,13 +123,23 @@ trials = st.builds(
     lists(st.builds(Pose, times, vectors, numbers, numbers, numbers, lists(vectors))),
     lists(st.builds(Command, times, gaits, numbers)),
     lists(st.builds(MotorState, times, lists(numbers), st.booleans(), lists(numbers), lists(numbers))),
+    st.builds(Conditions, maybe, maybe, st.booleans(), counts, maybe, maybe),
 )
+texts = st.text(max_size=5)
+names_and_numbers = st.dictionaries(texts, numbers, max_size=3)
+rests = st.builds(RestingPose, vectors, numbers, numbers, numbers, maybe, maybe, counts)
+displacements = st.builds(Displacement, numbers, numbers, numbers)
 logged_trials = st.builds(
     LoggedTrial,
-    st.builds(Suggestion, gaits, st.text(), st.none() | estimates, st.dictionaries(st.text(), numbers, max_size=3)),
+    st.builds(Suggestion, gaits, st.text(), st.none() | estimates, names_and_numbers, st.sampled_from(Phase)),
     trials,
     st.none() | numbers,
     st.none() | st.builds(Recommendation, gaits, estimates),
+    st.none() | st.builds(Movement, rests, rests, displacements),
+    st.none() | st.builds(AppliedFrequencies, lists(numbers), st.booleans()),
+    st.builds(Review, texts, st.none() | st.sampled_from(Verdict), texts, st.booleans(), texts),
+    st.none() | st.builds(Fit, names_and_numbers, st.booleans()),
+    st.none() | st.builds(SteeringStep, st.tuples(numbers, numbers), maybe, displacements, maybe, maybe, lists(gaits)),
 )
 
 
@@ -128,6 +154,40 @@ def test_a_pose_that_is_no_number_is_logged_for_the_record(tmp_path: Path) -> No
     lost = Trial(1, Gait((1.0,)), Outcome.FAULTED, "no number", 0.0, 0.1, (Pose(0.0, (float("inf"), 0.0, 0.0)),))
     run = Run(trials=(LoggedTrial(Suggestion(lost.gait, "initial design"), lost, None, None),))
     assert read_run(write(tmp_path / LOG_NAME, run)) == run
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"duration_s": math.nan},
+        {"started_unix_s": math.inf},
+        {"score_m_s": math.nan},
+        {"movement": pb.Movement(displacement=pb.Displacement(turn_rad=math.nan))},
+        {"movement": pb.Movement(start=pb.RestingPose(x_m=math.inf))},
+        {"applied": pb.AppliedFrequencies(mean_hz=[math.nan])},
+        {"conditions": pb.Conditions(battery_v=math.inf)},
+        {"review": pb.Review(verdict="perhaps")},
+        {"fit": pb.Fit(hyperparameters={"noise": math.nan})},
+        {"steering": pb.SteeringStep(goal_x_m=math.nan)},
+    ],
+    ids=str,
+)
+def test_a_number_that_is_not_finite_or_an_unknown_word_in_a_trial_is_refused(change: dict[str, object]) -> None:
+    suggestion = Suggestion(Gait((1.0,)), "initial design")
+    trial_from(pb.Trial(outcome="completed"), suggestion, (), (), ())
+    with pytest.raises(ValueError, match="not a finite number|is not a valid Verdict"):
+        trial_from(pb.Trial(**{"outcome": "completed", **change}), suggestion, (), (), ())
+
+
+def test_the_log_says_what_made_it_to_any_mcap_program_and_after_a_recovery(tmp_path: Path) -> None:
+    about = {"version": "0.2.0", "robot": "planar", "seed": "3", "date": "2026-11-28T08:00:00+00:00"}
+    path = tmp_path / LOG_NAME
+    RunLog.create(path, None, about=about).close()
+    RunLog.recover(path)[0].close()
+
+    with path.open("rb") as file:
+        assert [record.metadata for record in make_reader(file).iter_metadata()] == [about]
+    assert read_run(path).about == about
 
 
 # Other programs.
@@ -305,8 +365,8 @@ def foreign(path: Path, topic: str, message: object, compression: CompressionTyp
 
 
 def test_a_log_of_a_newer_version_is_refused(tmp_path: Path) -> None:
-    path = foreign(tmp_path / LOG_NAME, "/run", pb.Run(format=2))
-    with pytest.raises(UserError, match="log format 2, but this version reads up to 1: upgrade"):
+    path = foreign(tmp_path / LOG_NAME, "/run", pb.Run(format=3))
+    with pytest.raises(UserError, match="log format 3, but this version reads up to 2: upgrade"):
         read_run(path)
 
 

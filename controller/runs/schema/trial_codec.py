@@ -1,0 +1,222 @@
+"""The message that ends a trial, and back, without loss.
+
+Each ``..._from`` raises ValueError where a message holds what no run writes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+from vvvaltr.controller.core.conditions import Conditions
+from vvvaltr.controller.core.records import (
+    AppliedFrequencies,
+    Displacement,
+    Fit,
+    LoggedTrial,
+    Movement,
+    RestingPose,
+    Review,
+    SteeringStep,
+    Verdict,
+)
+from vvvaltr.controller.core.values import Command, MotorState, Outcome, Pose, Recommendation, Suggestion, Trial
+from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
+from vvvaltr.controller.runs.schema.codec import estimate_from, estimate_message, gait_from, gait_message
+
+_Value = TypeVar("_Value")
+_Message = TypeVar("_Message")
+
+
+def trial_message(logged: LoggedTrial) -> pb.Trial:
+    """Return the message that ends a trial: its outcome, and all that was made of it."""
+    trial = logged.trial
+    return pb.Trial(
+        number=trial.number,
+        gait=gait_message(trial.gait),
+        outcome=trial.outcome.value,
+        reason=trial.reason,
+        started_unix_s=trial.started_unix_s,
+        duration_s=trial.duration_s,
+        score_m_s=logged.score,
+        recommendation=_where_known(logged.recommendation, _recommendation_message),
+        movement=_where_known(logged.movement, _movement_message),
+        applied=_where_known(logged.applied, _applied_message),
+        conditions=_conditions_message(trial.conditions) if trial.conditions != Conditions() else None,
+        review=_review_message(logged.review) if logged.review != Review() else None,
+        fit=_where_known(logged.fit, _fit_message),
+        steering=_where_known(logged.steering, _steering_message),
+    )
+
+
+def trial_from(
+    message: pb.Trial,
+    suggestion: Suggestion,
+    poses: Iterable[Pose],
+    commands: Iterable[Command],
+    states: Iterable[MotorState],
+) -> LoggedTrial:
+    """Return the trial that a message ends, with what was recorded before it."""
+    trial = Trial(
+        message.number,
+        gait_from(message.gait),
+        Outcome(message.outcome),
+        message.reason,
+        message.started_unix_s,
+        message.duration_s,
+        tuple(poses),
+        tuple(commands),
+        tuple(states),
+        _conditions_from(message.conditions),
+    )
+    return LoggedTrial(
+        suggestion,
+        trial,
+        message.score_m_s if message.HasField("score_m_s") else None,
+        _recommendation_from(message.recommendation) if message.HasField("recommendation") else None,
+        _movement_from(message.movement) if message.HasField("movement") else None,
+        _applied_from(message.applied) if message.HasField("applied") else None,
+        _review_from(message.review),
+        _fit_from(message.fit) if message.HasField("fit") else None,
+        _steering_from(message.steering) if message.HasField("steering") else None,
+    )
+
+
+def _where_known(value: _Value | None, encode: Callable[[_Value], _Message]) -> _Message | None:
+    return None if value is None else encode(value)
+
+
+def _recommendation_message(best: Recommendation) -> pb.Recommendation:
+    return pb.Recommendation(gait=gait_message(best.gait), estimate=estimate_message(best.estimate))
+
+
+def _recommendation_from(message: pb.Recommendation) -> Recommendation:
+    return Recommendation(gait_from(message.gait), estimate_from(message.estimate))
+
+
+def _applied_message(applied: AppliedFrequencies) -> pb.AppliedFrequencies:
+    return pb.AppliedFrequencies(mean_hz=applied.mean_hz, measured=applied.measured)
+
+
+def _applied_from(message: pb.AppliedFrequencies) -> AppliedFrequencies:
+    return AppliedFrequencies(tuple(message.mean_hz), message.measured)
+
+
+def _fit_message(fit: Fit) -> pb.Fit:
+    return pb.Fit(hyperparameters=fit.hyperparameters, is_new=fit.is_new)
+
+
+def _fit_from(message: pb.Fit) -> Fit:
+    return Fit(dict(message.hyperparameters), message.is_new)
+
+
+def _movement_message(movement: Movement) -> pb.Movement:
+    return pb.Movement(
+        start=_rest_message(movement.start),
+        end=_rest_message(movement.end),
+        displacement=_displacement_message(movement.displacement),
+    )
+
+
+def _movement_from(message: pb.Movement) -> Movement:
+    return Movement(_rest_from(message.start), _rest_from(message.end), _displacement_from(message.displacement))
+
+
+def _rest_message(rest: RestingPose) -> pb.RestingPose:
+    x_m, y_m, z_m = rest.position_m
+    return pb.RestingPose(
+        x_m=x_m,
+        y_m=y_m,
+        z_m=z_m,
+        yaw_rad=rest.yaw_rad,
+        pitch_rad=rest.pitch_rad,
+        roll_rad=rest.roll_rad,
+        position_sd_m=rest.position_sd_m,
+        yaw_sd_rad=rest.yaw_sd_rad,
+        face=rest.face,
+    )
+
+
+def _rest_from(message: pb.RestingPose) -> RestingPose:
+    return RestingPose(
+        (message.x_m, message.y_m, message.z_m),
+        message.yaw_rad,
+        message.pitch_rad,
+        message.roll_rad,
+        message.position_sd_m if message.HasField("position_sd_m") else None,
+        message.yaw_sd_rad if message.HasField("yaw_sd_rad") else None,
+        message.face,
+    )
+
+
+def _displacement_message(displacement: Displacement) -> pb.Displacement:
+    return pb.Displacement(forward_m=displacement.forward_m, left_m=displacement.left_m, turn_rad=displacement.turn_rad)
+
+
+def _displacement_from(message: pb.Displacement) -> Displacement:
+    return Displacement(message.forward_m, message.left_m, message.turn_rad)
+
+
+def _conditions_message(conditions: Conditions) -> pb.Conditions:
+    return pb.Conditions(
+        session_s=conditions.session_s,
+        battery_v=conditions.battery_v,
+        battery_changed=conditions.battery_changed,
+        dropped_poses=conditions.dropped_poses,
+        tracker_offset_s=conditions.tracker_offset_s,
+        tracker_jitter_s=conditions.tracker_jitter_s,
+    )
+
+
+def _conditions_from(message: pb.Conditions) -> Conditions:
+    return Conditions(
+        message.session_s if message.HasField("session_s") else None,
+        message.battery_v if message.HasField("battery_v") else None,
+        message.battery_changed,
+        message.dropped_poses,
+        message.tracker_offset_s if message.HasField("tracker_offset_s") else None,
+        message.tracker_jitter_s if message.HasField("tracker_jitter_s") else None,
+    )
+
+
+def _review_message(review: Review) -> pb.Review:
+    return pb.Review(
+        notes=review.notes,
+        verdict=review.verdict.value if review.verdict else "",
+        verdict_reason=review.verdict_reason,
+        is_suspect=review.is_suspect,
+        suspicion=review.suspicion,
+    )
+
+
+def _review_from(message: pb.Review) -> Review:
+    return Review(
+        message.notes,
+        Verdict(message.verdict) if message.verdict else None,
+        message.verdict_reason,
+        message.is_suspect,
+        message.suspicion,
+    )
+
+
+def _steering_message(step: SteeringStep) -> pb.SteeringStep:
+    return pb.SteeringStep(
+        goal_x_m=step.goal_m[0],
+        goal_y_m=step.goal_m[1],
+        goal_yaw_rad=step.goal_yaw_rad,
+        predicted=_displacement_message(step.predicted),
+        position_sd_m=step.position_sd_m,
+        turn_sd_rad=step.turn_sd_rad,
+        plan=map(gait_message, step.plan),
+    )
+
+
+def _steering_from(message: pb.SteeringStep) -> SteeringStep:
+    return SteeringStep(
+        (message.goal_x_m, message.goal_y_m),
+        message.goal_yaw_rad if message.HasField("goal_yaw_rad") else None,
+        _displacement_from(message.predicted),
+        message.position_sd_m if message.HasField("position_sd_m") else None,
+        message.turn_sd_rad if message.HasField("turn_sd_rad") else None,
+        tuple(map(gait_from, message.plan)),
+    )
