@@ -68,7 +68,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 def unfinished_log(path: Path, run: Run) -> bytes:
-    log = RunLog.create(path, run.structure, run.sources)
+    log = RunLog.create(path, run.structure, run.sources, run.about)
     for logged in run.trials:
         log.append(logged)
     data = path.read_bytes()
@@ -175,7 +175,7 @@ def test_a_pose_that_is_no_number_is_logged_for_the_record(tmp_path: Path) -> No
 def test_a_number_that_is_not_finite_or_an_unknown_word_in_a_trial_is_refused(change: dict[str, object]) -> None:
     suggestion = Suggestion(Gait((1.0,)), "initial design")
     trial_from(pb.Trial(outcome="completed"), suggestion, (), (), ())
-    with pytest.raises(ValueError, match="not a finite number|is not a valid Verdict"):
+    with pytest.raises(ValueError, match=r"not a finite number|is not a valid Verdict"):
         trial_from(pb.Trial(**{"outcome": "completed", **change}), suggestion, (), (), ())
 
 
@@ -308,9 +308,9 @@ def test_a_finished_log_can_be_continued_and_is_then_what_one_session_would_have
 def test_sigkill_loses_no_trial_that_was_appended(tmp_path: Path) -> None:
     program = (
         "import os, signal, pathlib, sys; sys.path.insert(0, 'tests/support');"
-        "from sample_run import *; from vvvaltr.controller.runs.log import RunLog;"
-        f"log = RunLog.create(pathlib.Path({str(tmp_path / LOG_NAME)!r}), STRUCTURE, (SOURCE,));"
-        "[log.append(logged) for logged in sample_run().trials];"
+        "from sample_run import sample_run; from vvvaltr.controller.runs.log import RunLog; RUN = sample_run();"
+        f"log = RunLog.create(pathlib.Path({str(tmp_path / LOG_NAME)!r}), RUN.structure, RUN.sources, RUN.about);"
+        "[log.append(logged) for logged in RUN.trials];"
         "os.kill(os.getpid(), signal.SIGKILL)"
     )
     done = subprocess.run([sys.executable, "-c", program], cwd=Path(__file__).parents[3], check=False)
@@ -475,7 +475,9 @@ def test_a_trial_that_cannot_be_written_down_leaves_the_log_as_it_was(tmp_path: 
     with RunLog.create(tmp_path / LOG_NAME, None) as log:
         log.append(logged_trial(1))
         with pytest.raises(ValueError, match="NaN"):
-            log.append(replace(logged_trial(2), trial=replace(logged_trial(2).trial, duration_s=float("nan"))))
+            log.append(
+                replace(logged_trial(2), trial=replace(logged_trial(2).trial, states=(MotorState(math.nan, ()),)))
+            )
         log.append(logged_trial(3))
     assert [logged.trial.number for logged in read_run(tmp_path).trials] == [1, 3]
 
