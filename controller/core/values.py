@@ -226,6 +226,7 @@ class Pose:
         yaw_rad, pitch_rad, roll_rad: the angles; yaw is the heading on the ground.
         markers_m: positions of the strut ends where the tracker sees them, (2 * struts) of them, else empty.
         forces: where the tracker is a twin's that tells them.
+        uncertainty_m: of the position, where the tracker tells it.
     """
 
     t_s: float
@@ -235,6 +236,7 @@ class Pose:
     roll_rad: float = 0.0
     markers_m: tuple[Vector, ...] = ()
     forces: Forces | None = None
+    uncertainty_m: float | None = None
 
     @property
     def is_finite(self) -> bool:
