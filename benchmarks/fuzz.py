@@ -29,6 +29,7 @@ from vvvaltr.drivers.node.line import NodeLine, open_node
 from vvvaltr.drivers.node.mock import NodeDevice
 from vvvaltr.drivers.odrive import line as odrive
 from vvvaltr.drivers.odrive.mock import OdriveDevice
+from vvvaltr.drivers.odrive.table import Firmware
 from vvvaltr.drivers.qik import line as qik
 from vvvaltr.drivers.qik import protocol as qik_protocol
 from vvvaltr.drivers.qik.mock import QikDevice
@@ -208,7 +209,7 @@ def _packed(frames: tuple[Frame, ...]) -> tuple[bytes, ...]:
 def odrive_host() -> Decoder:
     """Make the driver's ear for frames."""
     tape = FrameTape()
-    line = odrive.OdriveLine(tape, [odrive.OdriveMotor(0, _MAX_HZ)], odrive.Firmware.NEW)  # type: ignore[arg-type]
+    line = odrive.OdriveLine(tape, [odrive.OdriveMotor(0, _MAX_HZ)], Firmware.NEW)  # type: ignore[arg-type]
 
     def hear(frame: Frame) -> None:
         tape.put([frame])

@@ -29,6 +29,7 @@ _STDIN, _STDOUT = 0, 1
 def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("device", choices=("qik", "odrive", "node"), help="what to be")
     parser.add_argument("--robot", choices=("planar", "spatial"), default="planar", help="the twin that it moves")
+    parser.add_argument("--tracker", default="stream", metavar="KIND", help="tracker that sees it (default stream)")
     parser.add_argument("--link", type=Path, metavar="PATH", help="name of the port (default: in a new directory)")
     parser.add_argument(
         "--faults",
@@ -57,7 +58,9 @@ def _execute(arguments: Namespace) -> Answer | None:
         link = (arguments.link or Path(leaving.enter_context(TemporaryDirectory(prefix="vvvaltr-")), "port")).absolute()
         bus = (arguments.interface, arguments.channel) if arguments.interface else None
         with one_line_errors():
-            mock = open_mock(arguments.device, link, arguments.robot, script.fault if script else (), bus)
+            mock = open_mock(
+                arguments.device, link, arguments.robot, script.fault if script else (), bus, arguments.tracker
+            )
         leaving.callback(mock.close)
         with suppress(BrokenPipeError):  # nobody reads on: whoever started the mock has ended
             _say({"port": mock.port, "robot_file": str(mock.robot_file), "tracker": mock.tracker})

@@ -20,17 +20,21 @@ _T = TypeVar("_T")
 
 
 def load_document(path: Path, kind: type[_T]) -> _T:
-    """Read ``path``, JSON if it is called so and TOML otherwise. Raises UserError; NotUnderstood for its contents."""
+    """Return the file at ``path`` as a ``kind``. Raises UserError; NotUnderstood for its contents."""
+    return typed(read_document(path), kind, str(path))
+
+
+def read_document(path: Path) -> Any:
+    """Return the plain content of ``path``, JSON if it is called so and TOML otherwise. Raises UserError; NotUnderstood."""
     try:
         text = path.read_text(encoding="utf-8")
-        content = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+        return json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except FileNotFoundError:
         raise UserError(f"{path}: there is no such file") from None
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from None
     except ValueError as error:  # of TOML, JSON and UTF-8 alike
         raise NotUnderstood(f"{path} cannot be read: {error}; mend that line") from None
-    return typed(content, kind, str(path))
 
 
 def typed(content: Any, kind: type[_T], name: str) -> _T:

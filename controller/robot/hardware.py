@@ -14,18 +14,14 @@ from typing import TYPE_CHECKING
 from vvvaltr.controller.core.clock import WallClock
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, TrackingLost, UserError
 from vvvaltr.controller.core.values import Gait, MotorState, Pose, Quantity, Structure
-from vvvaltr.controller.robot.robot_file import (
-    LineTable,
-    NodeLineTable,
-    NodeMotorTable,
-    OdriveLineTable,
-    OdriveMotorTable,
-    QikLineTable,
-    RobotFile,
-)
+from vvvaltr.controller.robot.robot_file import RobotFile
 from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.motor_line import HeldMotors, MotorLine
-from vvvaltr.drivers.trackers.stream.tracker import StreamTracker
+from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable
+from vvvaltr.drivers.odrive.table import OdriveLineTable, OdriveMotorTable
+from vvvaltr.drivers.qik.table import QikLineTable
+from vvvaltr.drivers.table import LineTable
+from vvvaltr.drivers.trackers.registry import PoseTracker, open_tracker
 
 if TYPE_CHECKING:
     from vvvaltr.drivers.node.line import NodeLine
@@ -41,8 +37,8 @@ def open_hardware(robot: RobotFile) -> HardwareRobot:
     Raises:
         DeviceError: a device does not answer as it should.
         TrackingLost: no pose comes from the tracker.
-        ValueError: the tracker's address cannot be listened on.
-        UserError: a motor is not calibrated.
+        ValueError: the tracker's address cannot be used.
+        UserError: a motor is not calibrated, or what the tracker needs is not installed.
     """
     # The I/O threads must never wait long: not for other threads, and not for the collection of what lives for ever.
     sys.setswitchinterval(_SWITCH_S)
@@ -52,7 +48,7 @@ def open_hardware(robot: RobotFile) -> HardwareRobot:
         for line in robot.line:
             parts.append(open_motors(line))
             opened.callback(parts[-1].close)
-        tracker = StreamTracker(robot.tracker.host, robot.tracker.port, robot.tracker.age_limit_s)
+        tracker = open_tracker(robot.tracker)
         opened.callback(tracker.close)
         hardware = HardwareRobot(JoinedMotors(parts), tracker, _structure(robot.body))
         hardware.find(_GREETING_S)
@@ -95,6 +91,7 @@ def line_opener(line: LineTable) -> Callable[[], MotorLine]:
             return _odrive_opener(line)
         case NodeLineTable():
             return partial(_open_node, line)
+    raise UserError(f"there is no driver for {type(line).__name__}")
 
 
 def _qik_opener(line: QikLineTable) -> Callable[[], MotorLine]:
@@ -107,7 +104,8 @@ def _qik_opener(line: QikLineTable) -> Callable[[], MotorLine]:
                 "run vvvaltr calibrate first"
             )
     motors = [qik.QikMotor(motor.board, motor.output, Curve(motor.curve), motor.max_hz) for motor in line.motor]
-    return partial(qik.open_line, line.port, line.baud, motors, line.settings)
+    settings = qik.QikSettings(line.eight_bit, line.crc, line.timeout, line.spin_up_s, line.spin_up_below)
+    return partial(qik.open_line, line.port, line.baud, motors, settings)
 
 
 def _odrive_opener(line: OdriveLineTable) -> Callable[[], MotorLine]:
@@ -226,7 +224,7 @@ class JoinedMotors:
 class HardwareRobot:
     """Real motors and a real tracker: satisfies ``Robot``."""
 
-    def __init__(self, motors: JoinedMotors, tracker: StreamTracker, structure: Structure | None) -> None:
+    def __init__(self, motors: JoinedMotors, tracker: PoseTracker, structure: Structure | None) -> None:
         self.motors = motors
         self.tracker = tracker
         self.clock = WallClock()

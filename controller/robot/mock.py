@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import socket
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -17,26 +16,18 @@ from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.robot.opening import TWINS
-from vvvaltr.controller.robot.robot_file import (
-    LineTable,
-    NodeLineTable,
-    NodeMotorTable,
-    OdriveLineTable,
-    OdriveMotorTable,
-    QikLineTable,
-    QikMotorTable,
-    RobotFile,
-    SearchTable,
-    StreamTable,
-)
+from vvvaltr.controller.robot.robot_file import RobotFile, SearchTable
 from vvvaltr.drivers.mocking.device import Device
 from vvvaltr.drivers.mocking.faults import Fault
 from vvvaltr.drivers.mocking.motion import Motion
 from vvvaltr.drivers.mocking.plugged import PluggedDevice
 from vvvaltr.drivers.mocking.port import Port, PtyPort
-from vvvaltr.drivers.trackers.stream.tracker import PoseSender
+from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable
+from vvvaltr.drivers.odrive.table import OdriveLineTable, OdriveMotorTable
+from vvvaltr.drivers.qik.table import QikLineTable, QikMotorTable
+from vvvaltr.drivers.table import LineTable, TrackerTable
+from vvvaltr.drivers.trackers.registry import TRACKERS, MockFeed
 
-HOST = "127.0.0.1"
 _MARK = "# Written by vvvaltr mock, which removes it when it ends."
 _MOTORS, _MAX_HZ, _SEARCH_HZ = 3, 16.5, (4.0, 16.0)  # as far as the twins' motors go
 
@@ -69,6 +60,7 @@ def open_mock(
     twin: str = "planar",
     faults: tuple[Fault, ...] = (),
     bus: tuple[str, str] | None = None,
+    tracker: str = "stream",
 ) -> Mock:
     """Plug in a mock and write its robot's file beside ``link``.
 
@@ -78,25 +70,34 @@ def open_mock(
         twin: the robot that it moves, planar or spatial.
         faults: what goes wrong.
         bus: python-can's interface and channel for an odrive that is not to be on slcan.
+        tracker: the kind of tracker that sees the robot.
 
     Raises:
-        UserError: the file would overwrite one of yours.
+        UserError: the file would overwrite one of yours, or there is no mock of this tracker.
         ValueError: the port's name is taken.
     """
     robot_file = link.with_name(f"{link.name}.toml")
     if robot_file.exists() and not robot_file.read_bytes().startswith(_MARK.encode()):
         raise UserError(f"{robot_file} is not a mock's file and would be overwritten; choose another --link")
-    tracker_port = _free_udp_port()
-    port, logic, line = _odrive_on_bus(*bus) if bus else _MOCKS[device](link)
     with ExitStack() as undo:
+        port, logic, line = _odrive_on_bus(*bus) if bus else _MOCKS[device](link)
         undo.callback(port.close)
-        motion = Motion(_twin(twin), PoseSender(HOST, tracker_port))
+        feed = _make_feed(tracker)
+        undo.callback(feed.feed.close)
+        motion = Motion(_twin(twin), feed.feed)
         undo.callback(motion.close)
-        mock = Mock(PluggedDevice(logic, port, motion, faults), port.name, robot_file, f"{HOST}:{tracker_port}")
+        mock = Mock(PluggedDevice(logic, port, motion, faults), port.name, robot_file, feed.address)
         undo.callback(robot_file.unlink, missing_ok=True)
-        robot_file.write_text(f"{_MARK}\n\n{_robot_file(twin, line, tracker_port)}", encoding="utf-8")
+        robot_file.write_text(f"{_MARK}\n\n{_robot_file(twin, line, feed.table)}", encoding="utf-8")
         undo.pop_all()
     return mock
+
+
+def _make_feed(tracker: str) -> MockFeed:
+    make_feed = TRACKERS.named(tracker).make_feed
+    if make_feed is None:
+        raise UserError(f"there is no mock of the tracker {tracker!r}; choose another --tracker")
+    return make_feed()
 
 
 def _qik(link: Path) -> tuple[Port, Device, LineTable]:
@@ -150,16 +151,10 @@ def _twin(name: str) -> Robot:
     return twin
 
 
-def _robot_file(twin: str, line: LineTable, tracker_port: int) -> str:
+def _robot_file(twin: str, line: LineTable, tracker: TrackerTable) -> str:
     robot = RobotFile(
         line=(line,),
-        tracker=StreamTable(host=HOST, port=tracker_port),
+        tracker=tracker,
         search=SearchTable(low_hz=_SEARCH_HZ[0], high_hz=_SEARCH_HZ[1]),
     )
     return to_toml({**msgspec.to_builtins(robot), "body": TWINS[twin]})
-
-
-def _free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((HOST, 0))
-        return int(probe.getsockname()[1])

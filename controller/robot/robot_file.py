@@ -2,120 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Union
 
 import msgspec
 from msgspec import Meta
 
-from vvvaltr.controller.core.document import load_document, typed
+from vvvaltr.controller.core.document import read_document, typed
 from vvvaltr.controller.core.errors import NotUnderstood
+from vvvaltr.controller.core.plug_ins import Registry
+from vvvaltr.controller.core.spelling import did_you_mean
 from vvvaltr.controller.loop.safety import Arena, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.drivers.links.curve import Curve
-from vvvaltr.drivers.odrive.line import Firmware
-from vvvaltr.drivers.qik.line import QikSettings
-from vvvaltr.drivers.qik.protocol import GREATEST_BAUD, check_baud, check_commands
+from vvvaltr.drivers.node.table import NodeLineTable
+from vvvaltr.drivers.odrive.table import OdriveLineTable
+from vvvaltr.drivers.qik.table import QikLineTable
+from vvvaltr.drivers.table import LineTable, MotorTable, Positive, Table, TrackerTable
+from vvvaltr.drivers.trackers.registry import TRACKERS
 
-Positive = Annotated[float, Meta(gt=0)]
-NotNegative = Annotated[float, Meta(ge=0)]
 Pause = Annotated[float, Meta(ge=0, le=3600)]
-Points = tuple[tuple[Positive, Positive], ...]
 
 
-class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A table of the file."""
-
-
-class _Motor(_Table, frozen=True, kw_only=True):
-    """What every motor has.
-
-    Args:
-        max_hz: the greatest frequency in either sense of rotation.
-        ramp_hz_s: the fastest change of frequency; 0 for any.
-        curve: calibration, (command, Hz) points; empty for none.
-    """
-
-    max_hz: Positive
-    ramp_hz_s: NotNegative = 0.0
-    curve: Points = ()
-
-
-class QikMotorTable(_Motor, frozen=True, kw_only=True):
-    """A motor at an output (0 or 1) of the board with this device id."""
-
-    board: Annotated[int, Meta(ge=0, le=127)]
-    output: Literal[0, 1]
-
-
-class OdriveMotorTable(_Motor, frozen=True, kw_only=True):
-    """An axis by its CAN node, with its current limit in A; 0 for the one in the drive's configuration."""
-
-    node: Annotated[int, Meta(ge=0, le=63)]
-    max_a: NotNegative = 0.0
-
-
-class NodeMotorTable(_Motor, frozen=True, kw_only=True):
-    """A motor of a motor node; the node numbers them in the order of the file."""
-
-
-class QikLineTable(_Table, frozen=True, kw_only=True, tag="qik", tag_field="driver"):
-    """Pololu qik 2s9v1 boards on a serial line; see ``vvvaltr.drivers.qik.line.QikSettings``."""
-
-    port: str
-    baud: Annotated[int, Meta(ge=1200, le=GREATEST_BAUD)] = 19200
-    motor: tuple[QikMotorTable, ...]
-    eight_bit: bool = False
-    crc: bool = False
-    timeout: Annotated[int, Meta(ge=0, le=127)] = 1
-    spin_up_s: NotNegative = 0.2
-    spin_up_below: Annotated[int, Meta(ge=0, le=255)] = 25
-
-    @property
-    def settings(self) -> QikSettings:
-        """How the boards are run. Raises ValueError."""
-        return QikSettings(self.eight_bit, self.crc, self.timeout, self.spin_up_s, self.spin_up_below)
-
-
-class OdriveLineTable(_Table, frozen=True, kw_only=True, tag="odrive", tag_field="driver"):
-    """ODrive axes on a CAN bus; interface, channel, bitrate and options as python-can takes them."""
-
-    interface: str = "socketcan"
-    channel: str
-    bitrate: Annotated[int, Meta(gt=0)] = 500_000
-    firmware: Firmware = Firmware.NEW
-    options: dict[str, bool | int | float | str] = {}
-    motor: tuple[OdriveMotorTable, ...]
-
-
-class NodeLineTable(_Table, frozen=True, kw_only=True, tag="node", tag_field="driver"):
-    """A motor node on a serial line."""
-
-    port: str
-    baud: Annotated[int, Meta(gt=0)] = 460_800
-    motor: tuple[NodeMotorTable, ...]
-
-
-LineTable = QikLineTable | OdriveLineTable | NodeLineTable
-
-
-class StreamTable(_Table, frozen=True, kw_only=True, tag="stream", tag_field="kind"):
-    """A tracker that sends poses over UDP; the host is the address to listen on."""
-
-    host: str = "127.0.0.1"
-    port: Annotated[int, Meta(ge=0, le=65535)]
-    age_limit_s: Positive = 0.2
-
-
-class ArenaTable(_Table, frozen=True, kw_only=True):
+class ArenaTable(Table, frozen=True, kw_only=True):
     """Where the robot may be; a trial that leaves it ends."""
 
     x_m: tuple[float, float]
     y_m: tuple[float, float]
 
 
-class TrialTable(_Table, frozen=True, kw_only=True):
+class TrialTable(Table, frozen=True, kw_only=True):
     """How trials are run unless the command line says otherwise; see ``TrialSettings``."""
 
     duration_s: Annotated[float, Meta(ge=0.1, le=3600)] = 5.0
@@ -126,14 +42,14 @@ class TrialTable(_Table, frozen=True, kw_only=True):
     heading_limit_rad: Positive = 1.0
 
 
-class SearchTable(_Table, frozen=True, kw_only=True):
+class SearchTable(Table, frozen=True, kw_only=True):
     """The frequencies to search; a negative one turns the other way."""
 
     low_hz: float
     high_hz: float
 
 
-class RobotFile(_Table, frozen=True, kw_only=True):
+class RobotFile(Table, frozen=True, kw_only=True):
     """The whole file. Motors are numbered in its order, over all lines.
 
     Args:
@@ -146,14 +62,14 @@ class RobotFile(_Table, frozen=True, kw_only=True):
     """
 
     line: tuple[LineTable, ...]
-    tracker: StreamTable
+    tracker: TrackerTable
     search: SearchTable | None = None
     arena: ArenaTable | None = None
     trial: TrialTable = TrialTable()
     body: Literal["", "prism3", "icosahedron6"] = ""
 
     @property
-    def motors(self) -> tuple[_Motor, ...]:
+    def motors(self) -> tuple[MotorTable, ...]:
         """All motors, in order."""
         return tuple(motor for line in self.line for motor in line.motor)
 
@@ -177,16 +93,12 @@ class RobotFile(_Table, frozen=True, kw_only=True):
 
 def load_robot_file(path: Path) -> RobotFile:
     """Read a robot's file. Raises UserError: one line with the file, the key, its value and what is allowed."""
-    return _checked(load_document(path, RobotFile), str(path))
+    return robot_file_from(read_document(path), str(path))
 
 
-def robot_file_from(content: Mapping[str, Any], name: str) -> RobotFile:
-    """Return the plain ``content`` of a robot's file, as a run keeps it. Raises UserError."""
-    return _checked(typed(content, RobotFile, name), name)
-
-
-def _checked(robot: RobotFile, name: str) -> RobotFile:
-    """Return ``robot`` if it makes sense as a whole. Raises NotUnderstood."""
+def robot_file_from(content: Any, name: str) -> RobotFile:
+    """Return the plain ``content`` of a robot's file, as a run keeps it, if it makes sense. Raises UserError."""
+    robot = convert_robot_file(content, name)
     try:
         _check_motors(robot)
         _check_rest(robot)
@@ -195,53 +107,72 @@ def _checked(robot: RobotFile, name: str) -> RobotFile:
     return robot
 
 
+def convert_robot_file(content: Any, name: str) -> RobotFile:
+    """Return the plain ``content`` of a robot's file, with the tables of its devices. Raises UserError."""
+    found = content if isinstance(content, dict) else {}
+    line = (QikLineTable, OdriveLineTable, NodeLineTable)
+    try:
+        tracker = _table_types([found.get("tracker")], "kind", TRACKERS, "tracker.kind")
+    except ValueError as error:
+        raise NotUnderstood(f"{name}: {error}") from None
+    # A device's keys are known once it has been named, so the type of the file depends on its content.
+    kind = msgspec.defstruct(
+        "RobotFile",
+        [("line", tuple[Union[line], ...]), ("tracker", Union[tracker])],  # type: ignore[valid-type]  # noqa: UP007
+        bases=(RobotFile,),
+        frozen=True,
+        kw_only=True,
+    )
+    return RobotFile(**msgspec.structs.asdict(typed(content, kind, name)))
+
+
+def _table_types(tables: Any, field: str, registry: Registry[Any], key: str) -> tuple[type[Table], ...]:
+    """Return the types that ``tables`` may have: the built-in ones and those of the plug-ins that they name.
+
+    Raises ValueError for a name that nobody has added.
+    """
+    names = list(registry.built_in)
+    for number, table in enumerate(tables if isinstance(tables, list | tuple) else (), start=1):
+        name = table.get(field) if isinstance(table, dict) else None
+        if isinstance(name, str) and name not in names:
+            if name not in registry:
+                allowed = ", ".join(map(repr, registry.names))
+                guess = did_you_mean(name, registry.names)
+                raise ValueError(f"{key.format(number)} is {name!r}{guess}; allowed: {allowed}")
+            names.append(name)
+    return tuple(registry.named(name).table for name in names)
+
+
 def _check_motors(robot: RobotFile) -> None:
     if not robot.motors:
         raise ValueError("line.motor is empty; a robot has one motor or more")
-    for i, line in enumerate(robot.line, start=1):
+    for number, line in enumerate(robot.line, start=1):
         if not line.motor:
-            raise ValueError(f"line[{i}].motor is empty; a line has one motor or more")
-        if isinstance(line, QikLineTable):
-            _check_qik(line, f"line[{i}]")
-        places = set()
-        for j, motor in enumerate(line.motor, start=1):
-            key = f"line[{i}].motor[{j}]"
-            place = _place(motor)
-            if place in places:
-                raise ValueError(f"{key} is where another motor is already: {place}")
-            places.add(place or key)
-            if motor.curve:
-                _check_curve(motor, key)
+            raise ValueError(f"line[{number}].motor is empty; a line has one motor or more")
+        try:
+            line.check()
+        except ValueError as error:
+            raise ValueError(f"line[{number}].{error}") from None
+        _check_places(line, f"line[{number}]")
 
 
-def _place(motor: _Motor) -> str:
-    match motor:
-        case QikMotorTable():
-            return f"board {motor.board}, output {motor.output}"
-        case OdriveMotorTable():
-            return f"node {motor.node}"
-    return ""
+def _check_places(line: LineTable, key: str) -> None:
+    places = set()
+    for number, motor in enumerate(line.motor, start=1):
+        if motor.place and motor.place in places:
+            raise ValueError(f"{key}.motor[{number}] is at {motor.place}, where another motor is already")
+        places.add(motor.place)
+        if motor.curve:
+            _check_curve(motor, f"{key}.motor[{number}]")
 
 
-def _check_curve(motor: _Motor, key: str) -> None:
+def _check_curve(motor: MotorTable, key: str) -> None:
     try:
         curve = Curve(motor.curve)
     except ValueError as error:
         raise ValueError(f"{key}.curve: {error}") from None
     if motor.max_hz > curve.highest_hz + 1e-9:
         raise ValueError(f"{key}.max_hz is {motor.max_hz:g}; allowed: up to {curve.highest_hz:g}, where its curve ends")
-
-
-def _check_qik(line: QikLineTable, key: str) -> None:
-    try:
-        check_baud(line.baud, len(line.motor), line.settings.has_crc)
-    except ValueError as error:
-        raise ValueError(f"{key}.{error}") from None
-    for j, motor in enumerate(line.motor, start=1):
-        try:
-            check_commands(motor.curve, line.eight_bit)
-        except ValueError as error:
-            raise ValueError(f"{key}.motor[{j}].curve: {error}") from None
 
 
 def _check_rest(robot: RobotFile) -> None:

@@ -53,6 +53,22 @@ class Curve:
         return _interpolated(self.points, command)
 
 
+@dataclass(frozen=True, slots=True)
+class Uncorrected:
+    """In place of a curve, for a device whose commands are frequencies."""
+
+    def command(self, frequency_hz: float) -> float:
+        """Return ``frequency_hz``."""
+        return frequency_hz
+
+    def frequency_hz(self, command: float) -> float:
+        """Return ``command``."""
+        return command
+
+
+UNCORRECTED = Uncorrected()
+
+
 def _interpolated(points: Sequence[tuple[float, float]], signed: float) -> float:
     """Return the value at ``abs(signed)`` with the sign of ``signed``; 0 before the first point."""
     place = min(abs(signed), points[-1][0])

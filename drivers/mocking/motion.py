@@ -9,7 +9,7 @@ from dataclasses import replace
 from vvvaltr.controller.core.errors import DeviceFault
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.values import Gait
-from vvvaltr.drivers.trackers.stream.tracker import PoseSender
+from vvvaltr.drivers.trackers.registry import PoseFeed
 
 _POSE_PERIOD_S = 0.02
 _SHORTEST_STEP_S = 0.01  # a tracker sees no more of the motion, and the next byte is not kept waiting for it
@@ -21,12 +21,12 @@ class Motion:
 
     Args:
         twin: the robot; nobody puts it back between trials.
-        sender: to the tracker.
+        feed: shows its poses to the tracker.
     """
 
-    def __init__(self, twin: Robot, sender: PoseSender) -> None:
+    def __init__(self, twin: Robot, feed: PoseFeed) -> None:
         self._twin = twin
-        self._sender = sender
+        self._feed = feed
         self._now_s = -math.inf
         self._next_pose_s = -math.inf
         self.is_blind = False
@@ -45,11 +45,11 @@ class Motion:
         if now_s >= self._next_pose_s:
             self._next_pose_s = max(self._next_pose_s + _POSE_PERIOD_S, now_s)
             if self.is_blind:
-                self._sender.send_lost(now_s)
+                self._feed.send_lost(now_s)
             else:
-                self._sender.send(replace(self._twin.tracker.pose(), t_s=now_s))
+                self._feed.send(replace(self._twin.tracker.pose(), t_s=now_s))
 
     def close(self) -> None:
-        """Let go of robot and socket."""
+        """Let go of robot and feed."""
         self._twin.close()
-        self._sender.close()
+        self._feed.close()

@@ -13,13 +13,14 @@ import struct
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum, StrEnum
+from enum import IntEnum
 from typing import Any
 
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 from vvvaltr.drivers.links.can import CanLink, Frame
 from vvvaltr.drivers.motor_line import WATCHDOG
+from vvvaltr.drivers.odrive.table import Firmware
 
 
 class Message(IntEnum):
@@ -56,18 +57,6 @@ class AxisState(IntEnum):
     CLOSED_LOOP = 8
 
 
-class Firmware(StrEnum):
-    """Firmware generations, which number their errors differently."""
-
-    OLD = "0.5"
-    NEW = "0.6"
-
-    @property
-    def errors(self) -> Mapping[int, str]:
-        """Names of the axis error's bits that a user may meet."""
-        return _OLD_ERRORS if self is Firmware.OLD else _NEW_ERRORS
-
-
 _OLD_ERRORS = {
     0x00000001: "invalid state",
     0x00000002: "supply voltage too low",
@@ -95,6 +84,9 @@ _NEW_ERRORS = {
     0x02000000: "emergency stop",
     0x04000000: "spin-out",
 }
+
+ERRORS: Mapping[Firmware, Mapping[int, str]] = {Firmware.OLD: _OLD_ERRORS, Firmware.NEW: _NEW_ERRORS}
+"""Names of the axis error's bits that a user may meet."""
 
 _VELOCITY_CONTROL, _PASS_THROUGH = 2, 1
 _GREETING_S = 1.0  # for all axes to be heard of, and to settle
@@ -325,7 +317,7 @@ class OdriveLine:
             raise DeviceFault("disarmed", f"{self.name}: axis {axis.motor.node} is not armed (state {axis.state})")
 
     def _fault(self, axis: _Axis) -> DeviceFault:
-        names = [name for bit, name in self._firmware.errors.items() if axis.error & bit] or ["an unknown error"]
+        names = [name for bit, name in ERRORS[self._firmware].items() if axis.error & bit] or ["an unknown error"]
         code = WATCHDOG if WATCHDOG in names else names[0]
         return DeviceFault(
             code, f"{self.name}: axis {axis.motor.node} reports {', '.join(names)} ({axis.error:#x}); find its cause"

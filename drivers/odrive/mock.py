@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from vvvaltr.drivers.links.can import Frame
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.motor_line import WATCHDOG
-from vvvaltr.drivers.odrive.line import AxisState, Firmware, Message
+from vvvaltr.drivers.odrive.line import ERRORS, AxisState, Message
+from vvvaltr.drivers.odrive.table import Firmware
 
 WATCHDOG_S = 0.25
 _HEARTBEAT_S, _ESTIMATES_S = 0.1, 0.01
@@ -54,7 +55,7 @@ class OdriveAxis:
 
     def bit(self, name: str) -> int:
         """Return the error bit of this name."""
-        return next(bit for bit, known in self.firmware.errors.items() if known == name)
+        return next(bit for bit, known in ERRORS[self.firmware].items() if known == name)
 
     def fail(self, error: int) -> None:
         """Keep an error, and disarm."""

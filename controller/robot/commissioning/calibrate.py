@@ -15,9 +15,10 @@ from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.robot.commissioning.vibration import Peak, applied, shaking, strongest, watch
-from vvvaltr.controller.robot.hardware import HardwareRobot, greatest_command
-from vvvaltr.controller.robot.robot_file import Points, QikLineTable, RobotFile
+from vvvaltr.controller.robot.hardware import HardwareRobot
+from vvvaltr.controller.robot.robot_file import RobotFile, convert_robot_file
 from vvvaltr.drivers.links.curve import Curve
+from vvvaltr.drivers.table import Points
 
 _SETTLE_S = 0.7  # for a motor to reach its speed
 _CLEAR, _CLEAR_IN_SHAPE = 1.6, 4.0  # above what noise reaches
@@ -36,20 +37,7 @@ class Reading:
 
 def without_curves(robot: RobotFile) -> RobotFile:
     """Return the robot with commands in place of frequencies: what is asked of a motor is its command."""
-    lines = []
-    for line in robot.line:
-        curve: Points = ()
-        if isinstance(line, QikLineTable):
-            full = 255.0 if line.eight_bit else 127.0
-            curve, limits_hz = ((1.0, 1.0), (full, full)), [full] * len(line.motor)
-        else:
-            limits_hz = [greatest_command(motor) for motor in line.motor]
-        motors = tuple(
-            msgspec.structs.replace(motor, curve=curve, max_hz=limit_hz)
-            for motor, limit_hz in zip(line.motor, limits_hz, strict=True)
-        )
-        lines.append(msgspec.structs.replace(line, motor=motors))
-    return msgspec.structs.replace(robot, line=tuple(lines), search=None)
+    return msgspec.structs.replace(robot, line=tuple(line.without_curves() for line in robot.line), search=None)
 
 
 def readings(
@@ -193,6 +181,6 @@ def _with_value(block: str, key: str, value: Any) -> str:
 
 def _plain(text: str) -> RobotFile | None:
     try:
-        return msgspec.convert(tomllib.loads(text), RobotFile)
-    except (tomllib.TOMLDecodeError, msgspec.ValidationError):
+        return convert_robot_file(tomllib.loads(text), "")
+    except (tomllib.TOMLDecodeError, UserError):
         return None

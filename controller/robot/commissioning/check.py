@@ -14,9 +14,10 @@ from vvvaltr.controller.core.errors import DeviceError, DeviceFault, TrackingLos
 from vvvaltr.controller.core.values import Gait, Pose
 from vvvaltr.controller.robot.commissioning.vibration import applied, shaking, strongest, watch
 from vvvaltr.controller.robot.hardware import JoinedMotors, Part, line_opener, open_motors
-from vvvaltr.controller.robot.robot_file import LineTable, RobotFile
+from vvvaltr.controller.robot.robot_file import RobotFile
 from vvvaltr.drivers.motor_line import WATCHDOG, MotorLine
-from vvvaltr.drivers.trackers.stream.tracker import StreamTracker
+from vvvaltr.drivers.table import LineTable
+from vvvaltr.drivers.trackers.registry import PoseTracker, open_tracker
 
 _TEST_SHARE, _TEST_HZ = 0.75, 15.0  # of the greatest frequency, but no faster than any tracker can see
 _SETTLE_S, _LOOK_S = 0.6, 1.0
@@ -47,19 +48,19 @@ def check(robot: RobotFile) -> Iterator[Finding]:
         if finding.passed:
             yield _check_watchdog(f"line {number} watchdog", line)
     with ExitStack() as stack:
-        tracker = _opened_tracker(robot, stack)
+        tracker = _open_tracker(robot, stack)
         finding = tracker if isinstance(tracker, Finding) else _check_tracker(tracker)
         yield finding
         if opened:
-            seeing = tracker if finding.passed and isinstance(tracker, StreamTracker) else None
+            seeing = tracker if finding.passed and not isinstance(tracker, Finding) else None
             yield from _check_motors(robot, seeing)
 
 
-def _opened_tracker(robot: RobotFile, stack: ExitStack) -> StreamTracker | Finding:
+def _open_tracker(robot: RobotFile, stack: ExitStack) -> PoseTracker | Finding:
     try:
-        tracker = StreamTracker(robot.tracker.host, robot.tracker.port, robot.tracker.age_limit_s)
-    except ValueError as error:
-        return Finding("tracker", False, str(error), "end the other program that listens there, or change tracker.port")
+        tracker = open_tracker(robot.tracker)
+    except (ValueError, UserError, DeviceError) as error:
+        return Finding("tracker", False, str(error), "end the other program that uses it, or correct [tracker]")
     stack.callback(tracker.close)
     return tracker
 
@@ -124,7 +125,7 @@ def _hears_watchdog(line: MotorLine, duration_s: float, gait: Gait | None = None
     return has_stopped
 
 
-def _check_tracker(tracker: StreamTracker) -> Finding:
+def _check_tracker(tracker: PoseTracker) -> Finding:
     poses: list[Pose] = []
     lost = "the tracker sends one pose and no more"
     end_s = time.monotonic() + _GREETING_S
@@ -147,7 +148,7 @@ def _check_tracker(tracker: StreamTracker) -> Finding:
     return Finding("tracker", True, detail)
 
 
-def _check_motors(robot: RobotFile, tracker: StreamTracker | None) -> Iterator[Finding]:
+def _check_motors(robot: RobotFile, tracker: PoseTracker | None) -> Iterator[Finding]:
     with ExitStack() as stack:
         parts: list[Part] = []
         try:
@@ -168,7 +169,7 @@ class _Turning:
     """Turns one motor both ways."""
 
     motors: JoinedMotors
-    tracker: StreamTracker | None
+    tracker: PoseTracker | None
     motor: int
     frequency_hz: float
 

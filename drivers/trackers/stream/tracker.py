@@ -23,7 +23,8 @@ from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.controller.core.values import Pose, Vector
 from vvvaltr.drivers.links.remote_clock import RemoteClock
 
-_LONGEST = 65536
+LOOPBACK = "127.0.0.1"
+_LONGEST_BYTES = 65536
 
 
 class _Message(msgspec.Struct):
@@ -67,8 +68,15 @@ def decode_pose(datagram: bytes) -> tuple[int, Pose | None]:
     return message.sequence, pose
 
 
+def find_free_port() -> int:
+    """Return a UDP port of the loopback address that nobody uses at present."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
+
+
 class PoseSender:
-    """Sends poses to a ``StreamTracker``.
+    """Sends poses to a ``StreamTracker``: satisfies ``PoseFeed``.
 
     Args:
         host, port: where the tracker listens.
@@ -101,7 +109,7 @@ class PoseSender:
 
 
 class StreamTracker:
-    """A tracker that listens for poses: satisfies ``Tracker``.
+    """A tracker that listens for poses: satisfies ``PoseTracker``.
 
     Args:
         host: address to listen on; the loopback one lets no other computer in.
@@ -112,7 +120,7 @@ class StreamTracker:
         ValueError: the address cannot be listened on.
     """
 
-    def __init__(self, host: str = "127.0.0.1", port: int = 0, age_limit_s: float = 0.2) -> None:
+    def __init__(self, host: str = LOOPBACK, port: int = 0, age_limit_s: float = 0.2) -> None:
         self._age_limit_s = age_limit_s
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -156,7 +164,7 @@ class StreamTracker:
 
     def _listen(self) -> None:
         while not self._closing.is_set():
-            self._take(self._socket.recv(_LONGEST), time.monotonic())
+            self._take(self._socket.recv(_LONGEST_BYTES), time.monotonic())
 
     def _take(self, datagram: bytes, received_s: float) -> None:
         if datagram == self._datagram:

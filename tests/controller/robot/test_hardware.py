@@ -17,9 +17,10 @@ from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.commissioning.calibrate import Reading, fitted, with_curves
 from vvvaltr.controller.robot.hardware import HardwareRobot, open_hardware, open_motors
 from vvvaltr.controller.robot.opening import open_rig
-from vvvaltr.controller.robot.robot_file import Points, RobotFile, load_robot_file
+from vvvaltr.controller.robot.robot_file import RobotFile, load_robot_file
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.process import MockProcess
+from vvvaltr.drivers.table import Points
 
 GAIT = Gait((6.0, -11.5, 16.5, 5.0, -7.0, 9.0))
 

@@ -11,14 +11,14 @@ from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.robot.commissioning.calibrate import Reading, fitted, rewritten, with_curves, without_curves
 from vvvaltr.controller.robot.robot_file import (
-    OdriveLineTable,
-    QikLineTable,
     RobotFile,
     load_robot_file,
     robot_file_from,
 )
 from vvvaltr.drivers.mocking.faults import FaultScript, Kind
+from vvvaltr.drivers.odrive.table import OdriveLineTable
 from vvvaltr.drivers.qik.protocol import timeout_s
+from vvvaltr.drivers.qik.table import QikLineTable
 
 GOOD = """\
 # our robot
@@ -127,7 +127,11 @@ def test_a_run_keeps_the_file_and_gives_it_back(path: Path) -> None:
             "bord = 1",
             "line[1].motor[2].bord is not a known key (did you mean board?); allowed: max_hz",
         ),
-        ("board = 1\noutput = 0", "board = 0\noutput = 0", "line[1].motor[2] is where another motor is already"),
+        (
+            "board = 1\noutput = 0",
+            "board = 0\noutput = 0",
+            "line[1].motor[2] is at board 0, output 0, where",
+        ),
         ("board = 1\n", "", "line[1].motor[2].board is missing"),
         ("[127, 16.0]]\n\n[[line.motor]]", "[10, 16.0]]\n\n[[line.motor]]", "line[1].motor[1].curve: the points"),
         ('"   # the left', '"\ntimeout = 16\n#', "line[1].timeout is 16, which means 0 s; allowed: 1 (0.262 s), 2"),
@@ -169,7 +173,7 @@ def test_a_qik_line_has_a_watchdog_of_a_second_at_most_or_is_refused(path: Path,
 
     if timeout in (1, 2, 3, 17):
         assert isinstance(line := load_robot_file(path).line[0], QikLineTable)
-        assert 0.2 < timeout_s(line.settings.timeout) < 0.8
+        assert 0.2 < timeout_s(line.timeout) < 0.8
     else:
         with pytest.raises(UserError, match=rf"line\[1\]\.timeout is {timeout}, which means"):
             load_robot_file(path)

@@ -22,8 +22,9 @@ from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.plugged import PluggedDevice
 from vvvaltr.drivers.mocking.process import MockProcess
 from vvvaltr.drivers.motor_line import WATCHDOG, HeldMotors
-from vvvaltr.drivers.odrive.line import AxisState, Firmware, Message, OdriveLine, OdriveMotor, encode, open_line
+from vvvaltr.drivers.odrive.line import AxisState, Message, OdriveLine, OdriveMotor, encode, open_line
 from vvvaltr.drivers.odrive.mock import OdriveAxis, OdriveDevice
+from vvvaltr.drivers.odrive.table import Firmware
 
 MOTORS = [OdriveMotor(node, 16.5) for node in range(3)]
 GAIT = Gait((6.0, -11.5, 16.5))

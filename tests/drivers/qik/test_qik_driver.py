@@ -12,7 +12,6 @@ import pytest
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.robot.hardware import open_motors
-from vvvaltr.controller.robot.robot_file import QikLineTable, QikMotorTable
 from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.links.serial import SerialLink
 from vvvaltr.drivers.mocking.faults import Fault, Kind
@@ -21,6 +20,7 @@ from vvvaltr.drivers.motor_line import WATCHDOG, HeldMotors
 from vvvaltr.drivers.qik.line import QikLine, QikMotor, QikSettings, open_line
 from vvvaltr.drivers.qik.mock import CURVE, QikDevice
 from vvvaltr.drivers.qik.protocol import Command, Parameter, least_baud, packet
+from vvvaltr.drivers.qik.table import QikLineTable, QikMotorTable
 
 MOTORS = [QikMotor(0, 0, CURVE), QikMotor(0, 1, CURVE), QikMotor(1, 0, CURVE)]
 GAIT = Gait((6.0, -11.5, 16.5))

@@ -1,0 +1,65 @@
+"""What the tables of a robot's file have in common; each device adds its own keys in the ``table.py`` of its folder."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+import msgspec
+from msgspec import Meta
+
+from vvvaltr.drivers.links.curve import UNCORRECTED, Curve, Uncorrected
+
+Positive = Annotated[float, Meta(gt=0)]
+NotNegative = Annotated[float, Meta(ge=0)]
+Points = tuple[tuple[Positive, Positive], ...]
+
+
+class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A table of the file. A misspelt key is refused."""
+
+
+class MotorTable(Table, frozen=True, kw_only=True):
+    """What every motor has.
+
+    Args:
+        max_hz: the greatest frequency in either sense of rotation.
+        ramp_hz_s: the fastest change of frequency; 0 for no limit.
+        curve: calibration, (command, Hz) points; empty for none.
+    """
+
+    max_hz: Positive
+    ramp_hz_s: NotNegative = 0.0
+    curve: Points = ()
+
+    @property
+    def place(self) -> str:
+        """Where the motor is connected, in words; no two motors of a line may share it. Empty: the order decides."""
+        return ""
+
+    @property
+    def calibration(self) -> Curve | Uncorrected:
+        """The motor's curve; without one, a command is a frequency."""
+        return Curve(self.curve) if self.curve else UNCORRECTED
+
+    @property
+    def max_command(self) -> float:
+        """The command at which the motor turns at ``max_hz``."""
+        return self.calibration.command(self.max_hz)
+
+
+class LineTable(Table, frozen=True, kw_only=True, tag_field="driver"):
+    """A line to one device, or to several of one kind. A subclass sets ``tag`` to the name of its driver."""
+
+    motor: tuple[MotorTable, ...]
+
+    def check(self) -> None:
+        """Raise ValueError, its text beginning with the key, where the table makes no sense as a whole."""
+
+    def without_curves(self) -> Self:
+        """Return the line with commands in place of frequencies, each motor limited to its ``max_command``."""
+        motors = tuple(msgspec.structs.replace(motor, curve=(), max_hz=motor.max_command) for motor in self.motor)
+        return msgspec.structs.replace(self, motor=motors)
+
+
+class TrackerTable(Table, frozen=True, kw_only=True, tag_field="kind"):
+    """A tracker. A subclass sets ``tag`` to the name of its kind."""
