@@ -25,7 +25,7 @@ def load_document(path: Path, kind: type[_T]) -> _T:
 
 
 def read_document(path: Path) -> Any:
-    """Return the plain content of ``path``, JSON if it is called so and TOML otherwise. Raises UserError; NotUnderstood."""
+    """Return the plain content of ``path``, JSON if its name says so, else TOML. Raises UserError, NotUnderstood."""
     try:
         text = path.read_text(encoding="utf-8")
         return json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
