@@ -1,0 +1,84 @@
+"""The newest pose of a tracker, or why there is none: what every tracker that receives poses has in common."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+
+from vvvaltr.controller.core.errors import TrackingLost
+from vvvaltr.controller.core.values import Pose, Vector
+from vvvaltr.drivers.links.remote_clock import RemoteClock
+from vvvaltr.drivers.trackers.attitude import Angles, Matrix, angles_of, is_rotation
+
+UNSEEN = "the tracker does not see the robot"
+
+
+class NewestPose:
+    """Keeps the newest pose. One thread writes, any thread reads.
+
+    Args:
+        age_limit_s: the greatest age of a pose that is still the robot's.
+        reason: why there is no pose before the first one.
+    """
+
+    def __init__(self, age_limit_s: float, reason: str) -> None:
+        self.age_limit_s = age_limit_s
+        self.clock = RemoteClock()
+        self._frame, self._sent_s, self._heard_s = -1, -math.inf, -math.inf
+        self._hangs = False
+        self._last_rad: Angles = (0.0, 0.0, 0.0)
+        # The pose or why there is none: one attribute, for two threads share it.
+        self._newest: Pose | str = reason
+
+    def pose(self) -> Pose:
+        """Return the newest pose. Raises TrackingLost if it is too old, or the robot was not seen."""
+        newest = self._newest
+        if isinstance(newest, str):
+            raise TrackingLost(newest)
+        age_s = time.monotonic() - newest.t_s
+        if age_s > self.age_limit_s:
+            cause = f"; the tracker hangs: it repeats frame {self._frame}" if self._hangs else ""
+            raise TrackingLost(f"the last pose is {age_s:.2f} s old; the limit is {self.age_limit_s:g} s{cause}")
+        return newest
+
+    def lose(self, reason: str) -> None:
+        """Have no pose until the next one is taken in."""
+        self._newest = reason
+
+    def take(self, frame: int, t_s: float, pose: Pose | str, received_s: float) -> bool:
+        """Take in a frame; returns whether it is news: a repeated or overtaken one changes nothing.
+
+        Args:
+            frame: its number, which counts up.
+            t_s: when it was taken, on the tracker's clock, which never goes back.
+            pose: what it shows, whatever its time; or why it shows no pose.
+            received_s: when it came, as ``time.monotonic()`` counts.
+        """
+        if frame == self._frame:
+            self._hangs = True  # and the pose grows old
+            return False
+        if frame < self._frame or t_s < self._sent_s:
+            if received_s - self._heard_s < self.age_limit_s:
+                return False  # overtaken on its way
+            self.clock = RemoteClock()  # after a silence another sender may begin, at any number and time
+        self._frame, self._sent_s, self._heard_s, self._hangs = frame, t_s, received_s, False
+        placed_s = self.clock.here_s(t_s, received_s)
+        self._newest = pose if isinstance(pose, str) else replace(pose, t_s=placed_s)
+        return True
+
+    def take_body(
+        self,
+        frame: int,
+        t_s: float,
+        position_m: Vector,
+        rotation: Matrix,
+        uncertainty_m: float | None,
+        received_s: float,
+    ) -> bool:
+        """Take in a frame that shows a rigid body: as ``take``. What is no place or no rotation is no pose."""
+        is_seen = all(map(math.isfinite, position_m)) and is_rotation(rotation)
+        if not is_seen:
+            return self.take(frame, t_s, UNSEEN, received_s)
+        self._last_rad = angles_of(rotation, self._last_rad)
+        return self.take(frame, t_s, Pose(t_s, position_m, *self._last_rad, uncertainty_m=uncertainty_m), received_s)

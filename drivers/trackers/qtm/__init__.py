@@ -1,0 +1,1 @@
+"""Qualisys: poses from Qualisys Track Manager (QTM) over its real-time protocol."""
