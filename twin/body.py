@@ -1,7 +1,7 @@
 """A robot as a list of parts: struts, springs, motors; two robots; and damage as pure functions on a body.
 
-Both twins build from the same ``Body``. Struts, springs and motors are counted from 0. Strut ``i`` has the ends (nodes)
-``2 * i`` (top) and ``2 * i + 1`` (bottom).
+Both twins build from the same ``Body``. Struts, springs and motors are indices here, counted from 0. People count them
+from 1: ``damaged`` reads such numbers. Strut ``i`` has the ends (nodes) ``2 * i`` (top) and ``2 * i + 1`` (bottom).
 """
 
 from __future__ import annotations
@@ -255,9 +255,9 @@ def disable(body: Body, motor: int) -> Body:
 
 
 def damaged(body: Body, specs: Sequence[str]) -> Body:
-    """Return the body with damage as the command line writes it: ``snap:3,17``, ``lighten:2:0.5``, ``disable:1``.
+    """Return the body with damage as the command line writes it: ``snap:4,18``, ``lighten:3:0.5``, ``disable:2``.
 
-    Numbers count from 0 and always mean the parts of the undamaged body, whatever the order of the specs.
+    Numbers count from 1 and always mean the parts of the undamaged body, whatever the order of the specs.
 
     Raises:
         ValueError: one line that names the spec, what is wrong with it and what is allowed.
@@ -268,13 +268,11 @@ def damaged(body: Body, specs: Sequence[str]) -> Body:
         try:
             match spec.split(":"):
                 case ["snap", springs]:
-                    numbers = [_whole(text) for text in springs.split(",")]
-                    snap(body, numbers)  # says here, where the spec is known, that there is no such spring
-                    snapped.update(numbers)
+                    snapped.update(_index("spring", text, len(body.springs)) for text in springs.split(","))
                 case ["lighten", strut, factor]:
-                    hurt = lighten(hurt, _whole(strut), _number(factor))
+                    hurt = lighten(hurt, _index("strut", strut, len(body.struts)), _number(factor))
                 case ["disable", motor]:
-                    hurt = disable(hurt, _whole(motor))
+                    hurt = disable(hurt, _index("motor", motor, len(body.motors)))
                 case _:
                     raise ValueError("damage is snap:SPRING,..., lighten:STRUT:FACTOR or disable:MOTOR")
         except ValueError as error:
@@ -282,10 +280,13 @@ def damaged(body: Body, specs: Sequence[str]) -> Body:
     return snap(hurt, snapped)
 
 
-def _whole(text: str) -> int:
-    if not (text.isascii() and text.isdigit()):
-        raise ValueError(f"{text!r} is not a whole number from 0")
-    return int(text)
+def _index(kind: str, text: str, count: int) -> int:
+    """Return the index of the part whose number, counted from 1, is ``text``."""
+    if not (text.isascii() and text.isdigit() and len(text) < 10):
+        raise ValueError(f"{text!r} is not a whole number from 1")
+    if not 1 <= int(text) <= count:
+        raise ValueError(f"there is no {kind} {int(text)}; {kind}s are numbered 1 to {count}")
+    return int(text) - 1
 
 
 def _number(text: str) -> float:
@@ -295,10 +296,10 @@ def _number(text: str) -> float:
         raise ValueError(f"{text!r} is not a number") from None
 
 
-def _checked(kind: str, number: int, count: int) -> int:
-    if not 0 <= number < count:
-        raise ValueError(f"no {kind} {number}; there are {kind}s 0 to {count - 1}")
-    return number
+def _checked(kind: str, index: int, count: int) -> int:
+    if not 0 <= index < count:
+        raise ValueError(f"there is no {kind} with index {index}; indices are 0 to {count - 1}")
+    return index
 
 
 def _assembled(name: str, nodes_m: Array, springs: str, motor_struts: tuple[int, ...], parts: Parts) -> Body:

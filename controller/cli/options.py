@@ -61,7 +61,7 @@ def add_robot_arguments(parser: ArgumentParser) -> None:
         "--damage",
         action="append",
         metavar="WHAT",
-        help="snap:3,17 (springs), lighten:2:0.5 (strut, factor) or disable:1 (motor), all counted from 0; repeatable",
+        help="snap:4,18 (springs), lighten:3:0.5 (strut, factor) or disable:2 (motor), all counted from 1; repeatable",
     )
 
 

@@ -26,7 +26,7 @@ class RobotChoice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         world: the ground, as on the command line: ``flat``, ``hills:height_m=0.006``.
         gravity_m_s2: gravity.
         friction: friction coefficient of the ground.
-        damage: what is broken, as on the command line: ``snap:3,17``.
+        damage: what is broken, as on the command line: ``snap:4,18``.
         file: the contents of the robot's file; None for a twin.
     """
 

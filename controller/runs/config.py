@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,8 @@ from vvvaltr.controller.core.values import Quantity
 from vvvaltr.controller.loop.scoring import SCORES
 from vvvaltr.controller.robot.choice import RobotChoice, option
 
-FORMAT = 1
+FORMAT = 2
+"""Of `run.toml`. Format 1, of version 0.1, counts springs, struts and motors from 0; this one counts them from 1."""
 
 _BOUNDS = {"seed": (0, math.inf), "trials": (1, math.inf), "duration_s": (0.1, 3600), "stop_below_m_s": (0, math.inf)}
 
@@ -28,18 +29,18 @@ class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
     """A run of learning.
 
     Args:
-        robot: on what.
-        method: the optimiser's name.
+        robot: the robot, and the condition of a twin.
+        method: name of the optimiser.
         sources: runs to learn from, as they were named.
-        seed: of every random stream.
-        trials: valid trials to make.
-        duration_s: of each.
-        score: the score's name.
-        optimise: the searched quantities.
-        range_hz: the searched frequencies, lowest and highest, of every motor.
-        confirm: how many promising gaits the last trials repeat, and how often each.
-        stop_below_m_s: the search ends when a trial is expected to gain less than this.
-        format: version of this file's layout.
+        seed: seed of every random stream.
+        trials: number of valid trials to make.
+        duration_s: time the motors are driven in each trial.
+        score: name of the score.
+        optimise: quantities that the search varies.
+        range_hz: lowest and highest frequency that the search gives to a motor.
+        confirm: number of promising gaits that the last trials repeat, and number of repeats of each.
+        stop_below_m_s: the search ends when the next trial is expected to gain less than this.
+        format: version of the file's layout.
     """
 
     robot: RobotChoice
@@ -92,29 +93,48 @@ def load_config(run: Path) -> RunConfig:
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise UserError(f"{run} is no run: it has no run.toml (imported trials are learned from by --source)") from None
+        cure = "name the --out of vvvaltr learn (imported trials are for --source)"
+        raise UserError(f"{run} does not hold a run: run.toml is missing; {cure}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None
     if "format" not in content:
         raise UserError(f"{path}: format is missing; restore the file as the run wrote it")
-    if content["format"] != FORMAT:
-        raise UserError(f"{path}: format {content['format']} is not {FORMAT}; use the vvvaltr that wrote the run")
+    if content["format"] not in (1, FORMAT):
+        raise UserError(f"{path}: format {content['format']} is not 1 or {FORMAT}; use the vvvaltr that wrote the run")
     try:
-        config = typed(content, RunConfig, str(path))
+        config = _upgraded(typed(content, RunConfig, str(path)))
         check_config(config, lambda key: f"{path}: {key}")
     except (UserError, ValueError) as error:
         raise UserError(f"{error}; restore the file as the run wrote it") from None
     return config
 
 
-def refuse_difference(config: RunConfig, asked: dict[str, Any]) -> None:
+def _upgraded(config: RunConfig) -> RunConfig:
+    """Return the configuration in the present format."""
+    if config.format == FORMAT:
+        return config
+    damage = config.robot.damage
+    counted_from_1 = None if damage is None else tuple(map(_count_from_1, damage))
+    robot = msgspec.structs.replace(config.robot, damage=counted_from_1)
+    return msgspec.structs.replace(config, robot=robot, format=FORMAT)
+
+
+def _count_from_1(spec: str) -> str:
+    """Return damage, written with numbers from 0, with numbers from 1: ``snap:3,7`` becomes ``snap:4,8``."""
+    kind, *rest = spec.split(":")
+    if not rest or not all(number.isdecimal() and len(number) < 10 for number in rest[0].split(",")):
+        raise ValueError(f"robot.damage {spec!r} is not understood")
+    return ":".join([kind, ",".join(str(int(number) + 1) for number in rest[0].split(",")), *rest[1:]])
+
+
+def refuse_difference(config: RunConfig, asked: Mapping[str, Any]) -> None:
     """Raise UserError, naming the first difference, if ``asked`` is not what ``config`` says.
 
     ``asked`` holds only what was asked for; ``robot`` is a mapping of its own. A greater number of trials is no
     difference: it prolongs the run, unless that ends with a confirmation.
     """
     stored = msgspec.to_builtins(config)
-    wanted = {**asked.pop("robot", {}), **asked}
+    wanted = {**asked.get("robot", {}), **{key: value for key, value in asked.items() if key != "robot"}}
     for key, value in msgspec.to_builtins(wanted).items():
         has = stored["robot"].get(key) if key in stored["robot"] else stored.get(key)
         if key == "trials" and value >= config.trials and not any(config.confirm):

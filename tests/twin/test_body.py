@@ -114,7 +114,7 @@ def test_a_disabled_motor_cannot_turn_and_nothing_else_changes():
     assert replace(hurt.motors[1], max_hz=16.7) == PRISM.motors[1]
 
 
-@given(st.permutations(["snap:3,17", "snap:0", "lighten:2:0.5", "disable:1"]))
+@given(st.permutations(["snap:4,18", "snap:1", "lighten:3:0.5", "disable:2"]))
 def test_numbers_in_damage_mean_the_undamaged_body_in_whatever_order_they_come(specs):
     assert damaged(ICOSAHEDRON, specs) == disable(lighten(snap(ICOSAHEDRON, [0, 3, 17]), 2, 0.5), 1)
 
@@ -126,14 +126,15 @@ def test_no_damage_leaves_the_body_as_it_is():
 @pytest.mark.parametrize(
     ("spec", "complaint"),
     [
-        ("snap:24", "no spring 24; there are springs 0 to 23"),
-        ("snap:", "'' is not a whole number from 0"),
-        ("snap:-1", "'-1' is not a whole number from 0"),
-        ("lighten:6:0.5", "no strut 6; there are struts 0 to 5"),
+        ("snap:25", "there is no spring 25; springs are numbered 1 to 24"),
+        ("snap:", "'' is not a whole number from 1"),
+        ("snap:-1", "'-1' is not a whole number from 1"),
+        ("snap:0", "there is no spring 0; springs are numbered 1 to 24"),
+        ("lighten:7:0.5", "there is no strut 7; struts are numbered 1 to 6"),
         ("lighten:1:2", "the factor is 2, allowed is 0.2 to 1"),
         ("lighten:1:nan", "the factor is nan, allowed is 0.2 to 1"),
         ("lighten:1:half", "'half' is not a number"),
-        ("disable:3", "no motor 3; there are motors 0 to 2"),
+        ("disable:4", "there is no motor 4; motors are numbered 1 to 3"),
         ("disable", "damage is snap:SPRING,..., lighten:STRUT:FACTOR or disable:MOTOR"),
         ("melt:1", "damage is snap:SPRING,..., lighten:STRUT:FACTOR or disable:MOTOR"),
     ],

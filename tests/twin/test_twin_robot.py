@@ -135,7 +135,7 @@ def test_the_structure_names_the_terrain():
 
 
 def test_a_robot_can_be_made_in_a_worker_from_what_was_sent_there():
-    make = partial(planar_robot, world=World(ground=Hills(seed=3)), damage=("snap:2",), seed=6, scatter=Scatter())
+    make = partial(planar_robot, world=World(ground=Hills(seed=3)), damage=("snap:3",), seed=6, scatter=Scatter())
     sent = pickle.loads(pickle.dumps(make))
 
     assert moved_m(sent(), 1) == moved_m(make(), 1)
@@ -144,7 +144,7 @@ def test_a_robot_can_be_made_in_a_worker_from_what_was_sent_there():
 def test_the_range_to_search_is_that_of_the_law():
     assert planar_robot().range_hz == SEARCH_HZ == (4.0, 16.7)
     assert planar_robot(law="constant").range_hz == (5.0, 50.0)
-    assert planar_robot(damage=["disable:0"]).max_hz == (16.7, 16.7, 16.7)
+    assert planar_robot(damage=["disable:1"]).max_hz == (16.7, 16.7, 16.7)
 
 
 def test_the_motors_take_frequency_phase_and_amplitude():
@@ -157,7 +157,10 @@ def test_the_motors_take_frequency_phase_and_amplitude():
     [
         (partial(planar_robot, body="cube"), "unknown body 'cube'; choose one of prism3, icosahedron6"),
         (partial(planar_robot, law="magic"), "unknown force law 'magic'; choose one of eccentric, constant"),
-        (partial(planar_robot, damage=["snap:9"]), "damage 'snap:9': no spring 9; there are springs 0 to 8"),
+        (
+            partial(planar_robot, damage=["snap:10"]),
+            "damage 'snap:10': there is no spring 10; springs are numbered 1 to 9",
+        ),
     ],
 )
 def test_an_impossible_robot_is_refused_in_one_line(make, complaint):

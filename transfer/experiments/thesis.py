@@ -71,7 +71,7 @@ BODIES = {"planar": ("prism3", "icosahedron6"), "spatial": ("icosahedron6", "pri
 HILLS = {"planar": Hills(0.004, 0.2), "spatial": Hills(0.02, 0.3)}
 """Ground on which each twin's robot is disturbed and still moves on."""
 
-DAMAGE = {"planar": ("lighten:2:0.5", "snap:3,7"), "spatial": ("lighten:2:0.5", "snap:3,17")}
+DAMAGE = {"planar": ("lighten:3:0.5", "snap:4,8"), "spatial": ("lighten:3:0.5", "snap:4,18")}
 """One lighter strut and two snapped springs."""
 
 GROUPS = {

@@ -142,4 +142,4 @@ def test_imported_trials_are_no_run_to_go_on_with_but_a_source(
     assert main([*command.split(), str(tmp_path / "lab")]) == 1
 
     (line,) = capsys.readouterr().err.splitlines()
-    assert "it has no run.toml" in line and "--source" in line
+    assert "run.toml is missing" in line and "--source" in line

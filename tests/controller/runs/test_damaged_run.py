@@ -62,8 +62,8 @@ def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         ("stop_below_m_s = 0.0", "stop_below_m_s = nan", "stop_below_m_s is nan"),
         ("stop_below_m_s = 0.0", "stop_below_m_s = -1.0", "stop_below_m_s is -1"),
         ("stop_below_m_s = 0.0", "stop_below_m_s = inf", "stop_below_m_s is inf"),
-        ("format = 1\n", "", "format is missing; restore"),
-        ("format = 1\n", "format = 2\n", "format 2 is not 1"),
+        ("format = 2\n", "", "format is missing; restore"),
+        ("format = 2\n", "format = 3\n", "format 3 is not 1 or 2"),
         ("trials = 2\n", "", "trials is missing"),
     ],
 )

@@ -134,7 +134,7 @@ def test_the_constant_force_of_the_thesis_moves_the_robot_at_frequencies_above_t
 
 
 def test_no_motor_turns_faster_than_it_can_and_a_disabled_one_not_at_all():
-    engine = PlanarEngine(damaged(PRISM, ["disable:1"]), PLAIN)
+    engine = PlanarEngine(damaged(PRISM, ["disable:2"]), PLAIN)
     engine.step(Gait((40.0, 12.0, -40.0)), 2.0)
 
     assert engine.applied_hz() == (16.7, 0.0, -16.7)
@@ -227,7 +227,7 @@ def test_the_seed_of_the_hills_changes_the_motion():
     assert np.abs(driven_nodes(first) - driven_nodes(second)).max() > 1e-4
 
 
-@pytest.mark.parametrize("damage", [["snap:3,7"], ["lighten:1:0.5"], ["disable:0"]], ids=str)
+@pytest.mark.parametrize("damage", [["snap:4,8"], ["lighten:2:0.5"], ["disable:1"]], ids=str)
 def test_damage_changes_the_speed(damage):
     intact, hurt = PlanarEngine(PRISM, PLAIN), PlanarEngine(damaged(PRISM, damage), PLAIN)
 

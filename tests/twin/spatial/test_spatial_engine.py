@@ -168,11 +168,11 @@ def test_leaving_the_hills_is_a_fault_and_not_a_fall():
 def test_damage_changes_how_the_robot_stands_and_moves(engine):
     whole = driven(engine)
 
-    for specs in (["snap:3,17"], ["lighten:2:0.5"], ["disable:1"]):
+    for specs in (["snap:4,18"], ["lighten:3:0.5"], ["disable:2"]):
         hurt = SpatialEngine(damaged(BODY, specs), PLAIN)
         assert np.abs(driven(hurt) - whole).max() > 1e-4
 
-    sagged = SpatialEngine(damaged(BODY, ["snap:3,17"]), PLAIN)
+    sagged = SpatialEngine(damaged(BODY, ["snap:4,18"]), PLAIN)
     engine.reset()
     assert centre_m(sagged)[2] < centre_m(engine)[2] - 0.005
 
@@ -231,7 +231,7 @@ def test_without_mujoco_the_error_names_the_extra(monkeypatch):
 
 
 def test_a_trial_runs_on_the_spatial_twin_and_depends_on_seed_and_number_alone():
-    robot = spatial_robot(world=HILLS, damage=["snap:3"], seed=3)
+    robot = spatial_robot(world=HILLS, damage=["snap:4"], seed=3)
     trials = [run_trial(robot, Gait((30.0, 22.0, 41.0)), SHORT, number) for number in (1, 2, 1)]
 
     assert {trial.outcome for trial in trials} <= {Outcome.COMPLETED, Outcome.CUT_SHORT}
