@@ -94,6 +94,7 @@ TRACKERS: Registry[TrackerKind[Any]] = Registry(
     built_in=MappingProxyType(
         {
             "stream": "vvvaltr.drivers.trackers.stream:TRACKER",
+            "qtm": "vvvaltr.drivers.trackers.qtm:TRACKER",
         }
     ),
 )

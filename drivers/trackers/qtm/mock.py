@@ -26,6 +26,7 @@ from vvvaltr.drivers.trackers.qtm.protocol import (
     whole_packets,
 )
 
+HOST = "127.0.0.1"
 _UNSEEN = (math.nan,) * 12
 _PATIENCE_S = 0.05  # with a client that does not read: then it is hung up on, for the robot goes on
 _COMPONENTS = {"6d": Component.BODIES, "6dres": Component.BODIES_WITH_RESIDUAL}
@@ -62,7 +63,9 @@ class _Client:
 
 
 class QtmServer:
-    """Serves frames to any number of clients; the robot is the last of its ``bodies``, the others are never seen.
+    """Serves frames to any number of clients: satisfies ``PoseFeed``.
+
+    The robot is the last of its ``bodies``; the others are never seen.
 
     Args:
         host, port: where to listen; port 0 for any that is free.
@@ -72,7 +75,7 @@ class QtmServer:
 
     def __init__(
         self,
-        host: str = "127.0.0.1",
+        host: str = HOST,
         port: int = 0,
         bodies: Sequence[str] = ("wand", "robot"),
         faults: QtmFaults | None = None,

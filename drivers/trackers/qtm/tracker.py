@@ -7,7 +7,7 @@ import threading
 from concurrent.futures import Future
 from contextlib import suppress
 
-from vvvaltr.controller.core.errors import TrackingLost, UserError
+from vvvaltr.controller.core.errors import LinkLost, TrackingLost, UserError
 from vvvaltr.controller.core.values import Pose
 from vvvaltr.drivers.links.remote_clock import RemoteClock
 from vvvaltr.drivers.trackers.newest import NewestPose
@@ -18,7 +18,7 @@ _PAUSE_S = 0.5
 
 
 class QtmTracker:
-    """A rigid body that QTM tracks, by its name: satisfies ``Tracker``. It connects again by itself after a loss.
+    """A rigid body that QTM tracks, by its name: satisfies ``PoseTracker``. It connects again by itself after a loss.
 
     Args:
         host, port: of the computer with QTM; the port is the little-endian one.
@@ -29,7 +29,7 @@ class QtmTracker:
 
     Raises:
         UserError: QTM knows no such body, does not speak this version, or has another axis upwards than z.
-        TrackingLost: QTM does not answer.
+        LinkLost: QTM does not answer, or has no frames to send.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class QtmTracker:
                 await Session(self._wish, self._newest).run(self._on_begun)
             except (TrackingLost, UserError) as lost:
                 if not self._opened.done():
-                    self._opened.set_exception(lost)
+                    self._opened.set_exception(lost if isinstance(lost, UserError) else LinkLost(str(lost)))
                     return
                 self._newest.lose(str(lost))
             except Exception as defect:

@@ -11,7 +11,7 @@ import pytest
 import qtm_rt
 from moving import assert_true, is_pose, moving, says, seen, until
 
-from vvvaltr.controller.core.errors import TrackingLost, UserError
+from vvvaltr.controller.core.errors import LinkLost, UserError
 from vvvaltr.controller.core.values import Pose
 from vvvaltr.drivers.trackers.qtm.mock import QtmFaults, QtmServer
 from vvvaltr.drivers.trackers.qtm.protocol import Component, Event, Kind, frame, packet
@@ -221,7 +221,7 @@ def test_another_vertical_axis_is_refused(server):
 def test_a_mute_server_is_given_up():
     server = QtmServer(faults=QtmFaults(is_mute=True))
     began_s = time.monotonic()
-    assert "does not answer within 0.5 s" in refusal_of(server, TrackingLost, patience_s=0.5)
+    assert "does not answer within 0.5 s" in refusal_of(server, LinkLost, patience_s=0.5)
     assert time.monotonic() - began_s < 2.0
     server.close()
 
@@ -229,7 +229,7 @@ def test_a_mute_server_is_given_up():
 def test_no_server_is_refused_with_the_address():
     server = QtmServer()
     server.close()
-    message = refusal_of(server, TrackingLost)
+    message = refusal_of(server, LinkLost)
     assert f"QTM at 127.0.0.1:{server.port}: nothing listens there" in message and "tracker.host" in message
 
 
@@ -248,7 +248,7 @@ def test_a_server_that_speaks_something_else_is_refused_at_once(said):
     thread = threading.Thread(target=answer)
     thread.start()
     began_s = time.monotonic()
-    with pytest.raises(TrackingLost, match="no real-time protocol"):
+    with pytest.raises(LinkLost, match="no real-time protocol"):
         QtmTracker("127.0.0.1", listening.getsockname()[1], body="robot")
     assert time.monotonic() - began_s < 1.0
     thread.join()
