@@ -53,8 +53,9 @@ def _repeats(engine: Engine, frequency_hz: tuple[float, ...]) -> list[list[float
 
 def planar() -> dict[str, float]:
     """Return the planar twin's figures, at its own time steps: 2 ms for three struts, 1 ms for six."""
-    from vvvaltr.twin.body import BODIES
-    from vvvaltr.twin.planar.engine import PLANAR_PARTS, PlanarEngine
+    from vvvaltr.twin.bodies import BODIES
+    from vvvaltr.twin.planar.engine import PlanarEngine
+    from vvvaltr.twin.presets import PLANAR_PARTS
     from vvvaltr.twin.world import PLAIN
 
     return {
@@ -65,9 +66,10 @@ def planar() -> dict[str, float]:
 
 def spatial() -> dict[str, float]:
     """Return the spatial twin's figures, at its own time step of 0.5 ms."""
-    from vvvaltr.twin.body import BODIES, icosahedron6
-    from vvvaltr.twin.spatial.engine import SPATIAL_PARTS, TIME_STEP_S, SpatialEngine
-    from vvvaltr.twin.spatial.model import compiled
+    from vvvaltr.twin.bodies import BODIES, icosahedron6
+    from vvvaltr.twin.presets import SPATIAL_PARTS
+    from vvvaltr.twin.spatial.engine import TIME_STEP_S, SpatialEngine
+    from vvvaltr.twin.spatial.model import compile_model
     from vvvaltr.twin.world import PLAIN, Hills, World
 
     body, hills = icosahedron6(SPATIAL_PARTS), World(ground=Hills())
@@ -80,8 +82,8 @@ def spatial() -> dict[str, float]:
         speeds
         | _rollouts()
         | {
-            "spatial_compile_ms": round(1000.0 * _least_s(lambda: compiled(body, PLAIN, TIME_STEP_S)), 2),
-            "spatial_compile_hills_ms": round(1000.0 * _least_s(lambda: compiled(body, hills, TIME_STEP_S)), 2),
+            "spatial_compile_ms": round(1000.0 * _least_s(lambda: compile_model(body, PLAIN, TIME_STEP_S)), 2),
+            "spatial_compile_hills_ms": round(1000.0 * _least_s(lambda: compile_model(body, hills, TIME_STEP_S)), 2),
             "spatial_reset_ms": round(1000.0 * _least_s(engines["icosahedron6"].reset), 3),
         }
     )
@@ -119,18 +121,19 @@ def _driven_motions() -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
     from mujoco.rollout import rollout
 
     from vvvaltr.controller.core.values import Gait
-    from vvvaltr.twin.body import icosahedron6
+    from vvvaltr.twin.bodies import icosahedron6
+    from vvvaltr.twin.presets import SPATIAL_PARTS
     from vvvaltr.twin.rotors import Rotors
-    from vvvaltr.twin.spatial.engine import SPATIAL_PARTS, TIME_STEP_S
-    from vvvaltr.twin.spatial.model import compiled
+    from vvvaltr.twin.spatial.engine import TIME_STEP_S
+    from vvvaltr.twin.spatial.model import compile_model
     from vvvaltr.twin.world import PLAIN
 
     body, gait = icosahedron6(SPATIAL_PARTS), Gait(SPATIAL_HZ[0])
-    model = compiled(body, PLAIN, TIME_STEP_S)
+    model = compile_model(body, PLAIN, TIME_STEP_S)
     start = np.zeros(mj_stateSize(model, mjtState.mjSTATE_FULLPHYSICS))
     start[1 : 1 + model.nq] = model.qpos0
     start[3 : 1 + model.nq : 7] += SPATIAL_PARTS.radius_m
-    _, forces_n = Rotors(body.motors, TIME_STEP_S).turn(gait, 1000)
+    _, forces_n = Rotors(body.motors, TIME_STEP_S).spin(gait, 1000)
     controls = np.stack([forces_n.real, forces_n.imag, 0.0 * forces_n.real], axis=2).reshape(1, 1000, -1)
     states, _ = rollout(model, MjData(model), start, controls[:, :900])
     return model, np.tile(states[0, -1], (8, 1)), np.tile(controls[:, 900:], (8, 1, 1))

@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import vvvaltr
-from vvvaltr.twin.body import prism3
-from vvvaltr.twin.planar.engine import PLANAR_PARTS, PlanarEngine
-from vvvaltr.twin.robot import Scatter, TwinRobot
+from vvvaltr.twin.bodies import prism3
+from vvvaltr.twin.planar.engine import PlanarEngine
+from vvvaltr.twin.presets import PLANAR_PARTS
+from vvvaltr.twin.robot import TwinRobot
+from vvvaltr.twin.scatter import Scatter
 from vvvaltr.twin.world import World
 
 prism = prism3(PLANAR_PARTS)

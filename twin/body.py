@@ -7,7 +7,7 @@ from 1: ``damaged`` reads such numbers. Strut ``i`` has the ends (nodes) ``2 * i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TypeVar
@@ -15,7 +15,6 @@ from typing import TypeVar
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.values import Structure, Terrain, Vector
 
 Number = TypeVar("Number", float, Array)
@@ -143,92 +142,9 @@ class Body:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """What a robot is made of. A twin has its own, because two and three dimensions need different numbers.
-
-    Args:
-        total_kg: mass of the whole robot, motors included.
-        motor_kg: mass of each motor.
-        strut_m: length of each strut.
-        radius_m: radius of a capsule, half the side of a box.
-        rest_share: rest length of each spring as a share of its design length.
-        law, max_hz, spin_up_s, rotor_kg_m2: see ``Motor``.
-        tension_only: see ``Body``.
-    """
-
-    total_kg: float
-    motor_kg: float
-    law: ForceLaw
-    max_hz: float
-    stiffness_n_m: float
-    damping_n_s_m: float
-    rest_share: float
-    radius_m: float
-    tension_only: bool
-    strut_m: float = 0.094
-    shape: Shape = Shape.CAPSULE
-    spin_up_s: float = 0.05
-    rotor_kg_m2: float = 0.0
-
-
-# Strut ends of the six-strut robot joined by springs, as its builders number them: struts 1 to 6, t(op) and b(ottom).
-ICOSAHEDRON_SPRINGS = """
-1t-5t 1t-6t 1t-3t 1t-3b 2t-5b 2t-6b 2t-3t 2t-3b 1b-5t 1b-6t 1b-4t 1b-4b
-2b-5b 2b-6b 2b-4t 2b-4b 3t-5t 3t-5b 3b-6t 3b-6b 4t-5t 4t-5b 4b-6t 4b-6b
-"""
-# The same for the prism: all tops, all bottoms, and each top to the bottom of its neighbour.
-PRISM_SPRINGS = "1t-2t 2t-3t 3t-1t 1b-2b 2b-3b 3b-1b 1t-2b 2t-3b 3t-1b"
-
-
-def prism3(parts: Parts) -> Body:
-    """Return the three-strut prism with a motor on each strut, standing on a triangle.
-
-    Each top is turned by 150 degrees against its bottom, which leaves the 30 degrees between the two triangles at which
-    alone a three-strut prism holds; radius and height make all nine springs equally long.
-    """
-    height = math.sqrt(1.0 + math.sqrt(3.0))  # in radii: an edge of a triangle, sqrt(3), is as long as a rising spring
-    radius_m = parts.strut_m / math.sqrt(height**2 + (2.0 * math.sin(math.radians(75.0))) ** 2)
-    nodes = []
-    for strut in range(3):
-        bottom = math.radians(120.0 * strut)
-        top = bottom + math.radians(150.0)
-        nodes += [(math.cos(top), math.sin(top), height), (math.cos(bottom), math.sin(bottom), 0.0)]
-    return _assembled("prism3", radius_m * np.array(nodes), PRISM_SPRINGS, (0, 1, 2), parts)
-
-
-def icosahedron6(parts: Parts) -> Body:
-    """Return the six-strut robot with motors on struts 0, 2 and 4, standing on a triangle.
-
-    Three pairs of parallel struts along three orthogonal axes; the struts of a pair are half a strut's length apart.
-    """
-    half, side = 0.5, 0.25
-    nodes = np.array(
-        [
-            *((side, 0, half), (side, 0, -half), (-side, 0, half), (-side, 0, -half)),
-            *((0, half, side), (0, -half, side), (0, half, -side), (0, -half, -side)),
-            *((half, side, 0), (-half, side, 0), (half, -side, 0), (-half, -side, 0)),
-        ]
-    )
-    # The diagonal of the three axes, about which the body repeats every 120 degrees, becomes the vertical.
-    east, north = np.array([1.0, -1.0, 0.0]) / math.sqrt(2.0), np.array([1.0, 1.0, -2.0]) / math.sqrt(6.0)
-    turned = nodes @ np.array([east, north, np.cross(east, north)]).T
-    return _assembled("icosahedron6", parts.strut_m * turned, ICOSAHEDRON_SPRINGS, (0, 2, 4), parts)
-
-
-BODIES: dict[str, Callable[[Parts], Body]] = {"prism3": prism3, "icosahedron6": icosahedron6}
-
-
-def body_named(name: str, parts: Parts) -> Body:
-    """Return the body that the command line calls ``name``. Raises ValueError for an unknown name."""
-    if name not in BODIES:
-        raise ValueError(unknown("body", name, BODIES))
-    return BODIES[name](parts)
-
-
 def snap(body: Body, springs: Iterable[int]) -> Body:
     """Return the body without these springs. Raises ValueError for a spring that it has not."""
-    gone = {_checked("spring", spring, len(body.springs)) for spring in springs}
+    gone = {_check_index("spring", spring, len(body.springs)) for spring in springs}
     return replace(body, springs=tuple(spring for i, spring in enumerate(body.springs) if i not in gone))
 
 
@@ -240,7 +156,7 @@ def lighten(body: Body, strut: int, factor: float) -> Body:
     Raises:
         ValueError: the body has no such strut, or the factor is out of range.
     """
-    _checked("strut", strut, len(body.struts))
+    _check_index("strut", strut, len(body.struts))
     if not 0.2 <= factor <= 1.0:
         raise ValueError(f"the factor is {factor:g}, allowed is 0.2 to 1")
     lighter = replace(body.struts[strut], mass_kg=factor * body.struts[strut].mass_kg)
@@ -249,12 +165,12 @@ def lighten(body: Body, strut: int, factor: float) -> Body:
 
 def disable(body: Body, motor: int) -> Body:
     """Return the body with a motor that does not turn. Raises ValueError for a motor that it has not."""
-    _checked("motor", motor, len(body.motors))
+    _check_index("motor", motor, len(body.motors))
     dead = replace(body.motors[motor], max_hz=0.0)
     return replace(body, motors=(*body.motors[:motor], dead, *body.motors[motor + 1 :]))
 
 
-def damaged(body: Body, specs: Sequence[str]) -> Body:
+def apply_damage(body: Body, specs: Sequence[str]) -> Body:
     """Return the body with damage as the command line writes it: ``snap:4,18``, ``lighten:3:0.5``, ``disable:2``.
 
     Numbers count from 1 and always mean the parts of the undamaged body, whatever the order of the specs.
@@ -268,11 +184,11 @@ def damaged(body: Body, specs: Sequence[str]) -> Body:
         try:
             match spec.split(":"):
                 case ["snap", springs]:
-                    snapped.update(_index("spring", text, len(body.springs)) for text in springs.split(","))
+                    snapped.update(_parse_index("spring", text, len(body.springs)) for text in springs.split(","))
                 case ["lighten", strut, factor]:
-                    hurt = lighten(hurt, _index("strut", strut, len(body.struts)), _number(factor))
+                    hurt = lighten(hurt, _parse_index("strut", strut, len(body.struts)), _parse_number(factor))
                 case ["disable", motor]:
-                    hurt = disable(hurt, _index("motor", motor, len(body.motors)))
+                    hurt = disable(hurt, _parse_index("motor", motor, len(body.motors)))
                 case _:
                     raise ValueError("damage is snap:SPRING,..., lighten:STRUT:FACTOR or disable:MOTOR")
         except ValueError as error:
@@ -280,7 +196,7 @@ def damaged(body: Body, specs: Sequence[str]) -> Body:
     return snap(hurt, snapped)
 
 
-def _index(kind: str, text: str, count: int) -> int:
+def _parse_index(kind: str, text: str, count: int) -> int:
     """Return the index of the part whose number, counted from 1, is ``text``."""
     if not (text.isascii() and text.isdigit() and len(text) < 10):
         raise ValueError(f"{text!r} is not a whole number from 1")
@@ -289,38 +205,14 @@ def _index(kind: str, text: str, count: int) -> int:
     return int(text) - 1
 
 
-def _number(text: str) -> float:
+def _parse_number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
         raise ValueError(f"{text!r} is not a number") from None
 
 
-def _checked(kind: str, index: int, count: int) -> int:
+def _check_index(kind: str, index: int, count: int) -> int:
     if not 0 <= index < count:
         raise ValueError(f"there is no {kind} with index {index}; indices are 0 to {count - 1}")
     return index
-
-
-def _assembled(name: str, nodes_m: Array, springs: str, motor_struts: tuple[int, ...], parts: Parts) -> Body:
-    nodes_m = nodes_m - [0.0, 0.0, nodes_m[:, 2].min()]
-    struts = len(nodes_m) // 2
-    strut_kg = (parts.total_kg - len(motor_struts) * parts.motor_kg) / struts
-    return Body(
-        name=name,
-        nodes_m=tuple((float(x), float(y), float(z)) for x, y, z in nodes_m),
-        struts=(Strut(parts.radius_m, strut_kg, parts.shape),) * struts,
-        springs=tuple(_spring(text, nodes_m, parts) for text in springs.split()),
-        motors=tuple(_motor(strut, parts) for strut in motor_struts),
-        tension_only=parts.tension_only,
-    )
-
-
-def _motor(strut: int, parts: Parts) -> Motor:
-    return Motor(strut, parts.law, parts.motor_kg, parts.max_hz, parts.spin_up_s, parts.rotor_kg_m2)
-
-
-def _spring(text: str, nodes_m: Array, parts: Parts) -> Spring:
-    first, second = (2 * int(end[0]) - 2 + "tb".index(end[1]) for end in text.split("-"))
-    design_m = float(np.linalg.norm(nodes_m[first] - nodes_m[second]))
-    return Spring((first, second), parts.rest_share * design_m, parts.stiffness_n_m, parts.damping_n_s_m)

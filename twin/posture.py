@@ -16,7 +16,7 @@ from vvvaltr.controller.core.arrays import Array
 Angles = tuple[float, float, float]
 
 
-def nodes_of(posture: Array, halves_m: Array) -> Array:
+def place_nodes(posture: Array, halves_m: Array) -> Array:
     """Return the strut ends in metres, shape (2 * struts, 3), for half lengths of shape (struts,)."""
     w, x, y, z = posture[:, 3:].T
     axes = np.stack([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)], axis=1)
@@ -24,7 +24,7 @@ def nodes_of(posture: Array, halves_m: Array) -> Array:
     return np.stack([posture[:, :3] + reach_m, posture[:, :3] - reach_m], axis=1).reshape(-1, 3)
 
 
-def turned(posture: Array, angles_rad: Angles, about_m: Array) -> Array:
+def rotate_posture(posture: Array, angles_rad: Angles, about_m: Array) -> Array:
     """Return the posture turned by yaw, pitch and roll (intrinsic z-y'-x'') about a point of shape (3,)."""
     (cy, sy), (cp, sp), (cr, sr) = ((cos(angle / 2.0), sin(angle / 2.0)) for angle in angles_rad)
     w, x = cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr
@@ -36,7 +36,7 @@ def turned(posture: Array, angles_rad: Angles, about_m: Array) -> Array:
     return np.hstack([middles_m, posture[:, 3:] @ product.T])
 
 
-def best_rotation(nodes_m: Array, before_m: Array) -> Array:
+def fit_rotation(nodes_m: Array, before_m: Array) -> Array:
     """Return the rotation, shape (3, 3), that best carries nodes from ``before_m`` to ``nodes_m``, both (nodes, 3).
 
     Best in the sense of least squares, after W. Kabsch, "A solution for the best rotation to relate two sets of
@@ -53,7 +53,7 @@ def _determinant(matrix: Array) -> float:
     return float(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
 
 
-def continued_angles(rotation: Array, last_rad: Angles) -> Angles:
+def continue_angles(rotation: Array, last_rad: Angles) -> Angles:
     """Return yaw, pitch and roll (intrinsic z-y'-x'') of a rotation: of all that describe it, those next to the last.
 
     So nothing jumps when yaw or roll pass half a turn, nor when the pitch of a rolling robot passes a quarter.

@@ -4,53 +4,16 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Self
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, MotorState, Pose, Quantity, Structure
-from vvvaltr.twin.body import ForceLaw, Parts, body_named, damaged
-from vvvaltr.twin.engine import Engine, Start
-from vvvaltr.twin.planar.engine import LAWS, PLANAR_PARTS, PlanarEngine
-from vvvaltr.twin.world import PLAIN, World, terrain_grid
-
-
-@dataclass(frozen=True, slots=True)
-class Scatter:
-    """What differs from trial to trial: standard deviations of normal distributions around nothing.
-
-    Args:
-        place_m: of the start's x and y.
-        heading_rad: of the start's yaw; the planar twin has none.
-        tilt_rad: of the start's pitch.
-        frequency: of the logarithm of each motor's actual over its commanded frequency, fixed within a trial (battery,
-            load); the actual frequency stays within the motor's limit all the same.
-        position_m: of the tracker, for each coordinate of each reading.
-        angle_rad: of the tracker, for each angle of each reading.
-    """
-
-    place_m: float = 0.005
-    heading_rad: float = 0.05
-    tilt_rad: float = 0.02
-    frequency: float = 0.10
-    position_m: float = 0.0002
-    angle_rad: float = 0.002
-
-    @classmethod
-    def none(cls) -> Self:
-        """Return no scatter: every trial of a gait is the same."""
-        return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-    def start(self, random: np.random.Generator) -> Start:
-        """Return how the robot is put down."""
-        return Start(*(random.normal(0.0, [self.place_m, self.place_m, self.heading_rad, self.tilt_rad]).tolist()))
-
-
-SPATIAL_SCATTER = Scatter(frequency=0.05)
+from vvvaltr.twin.engine import Engine
+from vvvaltr.twin.scatter import Scatter
+from vvvaltr.twin.world import sample_terrain
 
 
 class TwinRobot:
@@ -68,27 +31,27 @@ class TwinRobot:
         self.max_hz = (range_hz[1],) * len(engine.body.motors)
         self._seed = seed
         self._scatter = scatter
-        self._motion = _Motion(engine)
-        self.clock = TwinClock(self._motion)
-        self.motors = TwinMotors(self._motion)
-        self.tracker = TwinTracker(self._motion, scatter)
+        self._driven = _DrivenEngine(engine)
+        self.clock = TwinClock(self._driven)
+        self.motors = TwinMotors(self._driven)
+        self.tracker = TwinTracker(self._driven, scatter)
 
     @property
     def engine(self) -> Engine:
         """The physics."""
-        return self._motion.engine
+        return self._driven.engine
 
     @property
     def structure(self) -> Structure:
         """How to draw the robot, with its terrain."""
-        return self.engine.body.structure(terrain_grid(self.engine.world))
+        return self.engine.body.structure(sample_terrain(self.engine.world))
 
     def place(self, trial: int) -> None:
         """Put the robot down afresh, with the scatter of this trial (>= 0). The clock goes on."""
         self.motors.stop()
-        self._motion.engine.reset(self._scatter.start(stream(self._seed, trial, "start")))
+        self._driven.engine.reset(self._scatter.draw_start(stream(self._seed, trial, "start")))
         motors = stream(self._seed, trial, "motors")
-        self._motion.begin(np.exp(motors.normal(0.0, self._scatter.frequency, len(self.max_hz))).tolist())
+        self._driven.begin(np.exp(motors.normal(0.0, self._scatter.frequency, len(self.max_hz))).tolist())
         self.tracker.random = stream(self._seed, trial, "tracker")
 
     def close(self) -> None:
@@ -96,7 +59,7 @@ class TwinRobot:
         self.motors.close()
 
 
-class _Motion:
+class _DrivenEngine:
     """Twin time, and the command that is in force."""
 
     def __init__(self, engine: Engine) -> None:
@@ -129,16 +92,16 @@ class _Motion:
 class TwinClock:
     """Twin time: it grows with ``sleep`` alone, over all trials."""
 
-    def __init__(self, motion: _Motion) -> None:
-        self._motion = motion
+    def __init__(self, driven: _DrivenEngine) -> None:
+        self._driven = driven
 
     def now_s(self) -> float:
         """Seconds of twin time since the robot was made."""
-        return self._motion.now_s
+        return self._driven.now_s
 
     def sleep(self, duration_s: float) -> None:
         """Let the robot move for ``duration_s``. Raises Diverged when the physics breaks down."""
-        self._motion.advance(duration_s)
+        self._driven.advance(duration_s)
 
 
 class TwinMotors:
@@ -146,13 +109,13 @@ class TwinMotors:
 
     quantities = frozenset(Quantity)
 
-    def __init__(self, motion: _Motion) -> None:
-        self._motion = motion
+    def __init__(self, driven: _DrivenEngine) -> None:
+        self._driven = driven
 
     @property
     def motor_count(self) -> int:
         """Number of motors."""
-        return len(self._motion.engine.body.motors)
+        return len(self._driven.engine.body.motors)
 
     def drive(self, gait: Gait, hold_s: float) -> None:
         """Apply ``gait`` for ``hold_s`` of twin time. Raises ValueError for another number of motors or a bad hold."""
@@ -160,15 +123,15 @@ class TwinMotors:
             raise ValueError(f"a gait for {gait.motor_count} motors, but the twin has {self.motor_count}")
         if not (math.isfinite(hold_s) and hold_s > 0.0):
             raise ValueError(f"hold_s is {hold_s:g}, which is not a time above 0")
-        self._motion.command(gait, hold_s)
+        self._driven.command(gait, hold_s)
 
     def state(self) -> MotorState:
         """Return the actual frequencies."""
-        return MotorState(self._motion.now_s, self._motion.engine.applied_hz())
+        return MotorState(self._driven.now_s, self._driven.engine.applied_hz())
 
     def stop(self) -> None:
         """Let the motors run down from now on. Idempotent."""
-        self._motion.until_s = self._motion.now_s
+        self._driven.until_s = self._driven.now_s
 
     def close(self) -> None:
         """Stop. Idempotent."""
@@ -178,73 +141,18 @@ class TwinMotors:
 class TwinTracker:
     """``Tracker`` of a twin: it sees the centre of mass and the strut ends, with seeded noise on each number."""
 
-    def __init__(self, motion: _Motion, scatter: Scatter) -> None:
-        self._motion = motion
-        self._node_shares = motion.engine.body.node_shares
+    def __init__(self, driven: _DrivenEngine, scatter: Scatter) -> None:
+        self._driven = driven
+        self._node_shares = driven.engine.body.node_shares
         nodes = len(self._node_shares)
         self._noise = np.repeat([scatter.position_m, scatter.angle_rad], [3 * (1 + nodes), 3])
         self.random = stream(0, 0, "tracker")
 
     def pose(self) -> Pose:
         """Return where the robot is now."""
-        engine = self._motion.engine
+        engine = self._driven.engine
         nodes_m = engine.nodes_m()
         seen = np.concatenate([self._node_shares @ nodes_m, nodes_m.ravel(), engine.angles_rad()])
         numbers = (seen + self._noise * self.random.standard_normal(len(seen))).tolist()
         centre_m, *markers_m, angles_rad = zip(*(iter(numbers),) * 3, strict=True)
-        return Pose(self._motion.now_s, centre_m, *angles_rad, tuple(markers_m), engine.forces())
-
-
-def planar_robot(
-    body: str = "prism3",
-    world: World = PLAIN,
-    damage: Sequence[str] = (),
-    law: str = "eccentric",
-    seed: int = 0,
-    scatter: Scatter = Scatter(),
-    time_step_s: float = 0.0,
-) -> TwinRobot:
-    """Return a robot on the planar twin.
-
-    Args:
-        body: prism3 or icosahedron6.
-        world: where it is.
-        damage: as ``body.damaged`` takes it.
-        law: of the motors' force, eccentric or constant; each has its own range of frequencies.
-        seed: of all scatter.
-        scatter: what differs from trial to trial.
-        time_step_s: of the physics; 0 for ``planar.default_time_step_s``.
-
-    Raises:
-        ValueError: an unknown body or law, or impossible damage; one line.
-        Diverged: the body cannot even be put down.
-    """
-    parts, range_hz = _with_law(PLANAR_PARTS, LAWS, law)
-    engine = PlanarEngine(damaged(body_named(body, parts), damage), world, time_step_s)
-    return TwinRobot(engine, range_hz, seed, scatter)
-
-
-def spatial_robot(
-    body: str = "icosahedron6",
-    world: World = PLAIN,
-    damage: Sequence[str] = (),
-    law: str = "eccentric",
-    seed: int = 0,
-    scatter: Scatter = SPATIAL_SCATTER,
-    time_step_s: float = 0.0,
-) -> TwinRobot:
-    """Return a robot on the spatial twin; see ``planar_robot``. Raises ValueError also where MuJoCo is missing."""
-    from vvvaltr.twin.spatial import engine as spatial
-
-    parts, range_hz = _with_law(spatial.SPATIAL_PARTS, spatial.LAWS, law)
-    engine = spatial.SpatialEngine(damaged(body_named(body, parts), damage), world, time_step_s)
-    return TwinRobot(engine, range_hz, seed, scatter)
-
-
-def _with_law(
-    parts: Parts, laws: Mapping[str, tuple[ForceLaw, tuple[float, float]]], law: str
-) -> tuple[Parts, tuple[float, float]]:
-    if law not in laws:
-        raise ValueError(unknown("force law", law, laws))
-    force, range_hz = laws[law]
-    return replace(parts, law=force, max_hz=range_hz[1]), range_hz
+        return Pose(self._driven.now_s, centre_m, *angles_rad, tuple(markers_m), engine.forces())

@@ -12,7 +12,7 @@ from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.twin.body import Motor
 
-SAME_HZ = 1e-6  # closer to the commanded frequency, a motor has reached it
+REACHED_WITHIN_HZ = 1e-6  # closer to the commanded frequency, a motor has reached it
 
 
 class Rotors:
@@ -34,7 +34,7 @@ class Rotors:
         self._gait: Gait | None = None
         self._is_steady = False
 
-    def turn(self, gait: Gait, steps: int) -> tuple[Array, NDArray[np.complex128]]:
+    def spin(self, gait: Gait, steps: int) -> tuple[Array, NDArray[np.complex128]]:
         """Turn for so many steps, at least one; return frequencies and forces at each, both of shape (steps, motors).
 
         A force is x + iy in the frame of its strut: F (sin a + i cos a) at the angle a, which is the integral of the
@@ -61,7 +61,7 @@ class Rotors:
         self._is_steady = self._has_reached()
 
     def _has_reached(self) -> bool:
-        return bool(np.abs(self._target_hz - self.applied_hz).max() < SAME_HZ)
+        return bool(np.abs(self._target_hz - self.applied_hz).max() < REACHED_WITHIN_HZ)
 
     def _forces_n(self, hz: Array) -> NDArray[np.complex128]:
         """Return the forces at the angle 0 and frequencies of shape (..., motors)."""

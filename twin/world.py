@@ -15,7 +15,7 @@ from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.streams import stream
 
 
-def _allow(name: str, value: float, low: float, high: float) -> None:
+def _check_range(name: str, value: float, low: float, high: float) -> None:
     if not low <= value <= high:
         raise ValueError(f"{name} is {value:g}, allowed is {low:g} to {high:g}")
 
@@ -41,7 +41,7 @@ class Slope:
     angle_rad: float = 0.05
 
     def __post_init__(self) -> None:
-        _allow("angle_rad", self.angle_rad, -0.5, 0.5)
+        _check_range("angle_rad", self.angle_rad, -0.5, 0.5)
 
     @property
     def straight_m(self) -> float:
@@ -68,9 +68,9 @@ class Hills:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        _allow("height_m", self.height_m, 0.0, 0.1)
-        _allow("wavelength_m", self.wavelength_m, 0.02, 10.0)
-        _allow("seed", self.seed, 0, 2**31)
+        _check_range("height_m", self.height_m, 0.0, 0.1)
+        _check_range("wavelength_m", self.wavelength_m, 0.02, 10.0)
+        _check_range("seed", self.seed, 0, 2**31)
 
     @property
     def straight_m(self) -> float:
@@ -108,8 +108,8 @@ class World:
     ground: Ground = Flat()
 
     def __post_init__(self) -> None:
-        _allow("gravity_m_s2", self.gravity_m_s2, 0.0, 100.0)
-        _allow("friction", self.friction, 0.0, 10.0)
+        _check_range("gravity_m_s2", self.gravity_m_s2, 0.0, 100.0)
+        _check_range("friction", self.friction, 0.0, 10.0)
 
     def height_m(self, x_m: Array, y_m: Array) -> Array:
         """Return the ground's heights at points of the plane, arrays that broadcast against each other."""
@@ -119,7 +119,7 @@ class World:
 PLAIN = World()
 
 
-def terrain_grid(world: World, half_width_m: float = 0.5) -> types.Terrain:
+def sample_terrain(world: World, half_width_m: float = 0.5) -> types.Terrain:
     """Return the ground around the origin as a square grid for a viewer."""
     points = 1 + max(1, math.ceil(2.0 * half_width_m / world.ground.straight_m))
     line = np.linspace(-half_width_m, half_width_m, points)
@@ -130,7 +130,7 @@ def terrain_grid(world: World, half_width_m: float = 0.5) -> types.Terrain:
 GROUNDS: dict[str, Callable[..., Ground]] = {"flat": Flat, "hills": Hills, "slope": Slope}
 
 
-def world_named(text: str, gravity_m_s2: float | None = None, friction: float | None = None) -> World:
+def parse_world(text: str, gravity_m_s2: float | None = None, friction: float | None = None) -> World:
     """Return the world that the command line writes as ``flat``, ``hills:height_m=0.004,seed=3``, ``slope`` ...
 
     Raises:

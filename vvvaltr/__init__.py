@@ -41,7 +41,7 @@ if TYPE_CHECKING:  # for type checkers and editors; _ROOMS says the same at run 
     from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
     from vvvaltr.library import OpenRobot, learn, open_robot, read_run
     from vvvaltr.transfer.methods.registry import make_optimizer
-    from vvvaltr.twin.robot import planar_robot, spatial_robot
+    from vvvaltr.twin.presets import planar_robot, spatial_robot
 
 _ROOMS = {
     "controller.core.errors": "DeviceError DeviceFault DeviceTimeout LinkLost SafetyStop TrackingLost UserError",
@@ -54,7 +54,7 @@ _ROOMS = {
     "controller.loop.trial_runner": "TrialCrashed TrialSettings run_trial",
     "library": "OpenRobot learn open_robot read_run",
     "transfer.methods.registry": "make_optimizer",
-    "twin.robot": "planar_robot spatial_robot",
+    "twin.presets": "planar_robot spatial_robot",
 }
 _HOMES = {name: room for room, names in _ROOMS.items() for name in names.split()}
 

@@ -260,7 +260,7 @@ class HardwareRobot:
 def _structure(body: str) -> Structure | None:
     if not body:
         return None
-    from vvvaltr.twin.body import body_named
-    from vvvaltr.twin.planar.engine import PLANAR_PARTS
+    from vvvaltr.twin.bodies import make_body
+    from vvvaltr.twin.presets import PLANAR_PARTS
 
-    return body_named(body, PLANAR_PARTS).structure()
+    return make_body(body, PLANAR_PARTS).structure()

@@ -8,14 +8,12 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
 from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.core.protocols import Robot
-from vvvaltr.controller.robot.opening import TWINS
 from vvvaltr.controller.robot.robot_file import RobotFile, SearchTable
 from vvvaltr.drivers.mocking.device import Device
 from vvvaltr.drivers.mocking.faults import Fault
@@ -27,6 +25,9 @@ from vvvaltr.drivers.odrive.table import OdriveLineTable, OdriveMotorTable
 from vvvaltr.drivers.qik.table import QikLineTable, QikMotorTable
 from vvvaltr.drivers.table import LineTable, TrackerTable
 from vvvaltr.drivers.trackers.registry import TRACKERS, MockFeed
+
+if TYPE_CHECKING:
+    from vvvaltr.twin.presets import Preset
 
 _MARK = "# Written by vvvaltr mock, which removes it when it ends."
 _MOTORS, _MAX_HZ, _SEARCH_HZ = 3, 16.5, (4.0, 16.0)  # as far as the twins' motors go
@@ -84,7 +85,7 @@ def open_mock(
         undo.callback(port.close)
         feed = _make_feed(tracker)
         undo.callback(feed.feed.close)
-        motion = Motion(_twin(twin), feed.feed)
+        motion = Motion(_twin(twin).make(), feed.feed)
         undo.callback(motion.close)
         mock = Mock(PluggedDevice(logic, port, motion, faults), port.name, robot_file, feed.address)
         undo.callback(robot_file.unlink, missing_ok=True)
@@ -144,11 +145,10 @@ _MOCKS: dict[str, Callable[[Path], tuple[Port, Device, LineTable]]] = {"qik": _q
 DEVICES = tuple(_MOCKS)
 
 
-def _twin(name: str) -> Robot:
-    from vvvaltr.twin import robot
+def _twin(name: str) -> Preset:
+    from vvvaltr.twin.presets import TWINS
 
-    twin: Robot = getattr(robot, f"{name}_robot")(body=TWINS[name])
-    return twin
+    return TWINS[name]
 
 
 def _robot_file(twin: str, line: LineTable, tracker: TrackerTable) -> str:
@@ -157,4 +157,4 @@ def _robot_file(twin: str, line: LineTable, tracker: TrackerTable) -> str:
         tracker=tracker,
         search=SearchTable(low_hz=_SEARCH_HZ[0], high_hz=_SEARCH_HZ[1]),
     )
-    return to_toml({**msgspec.to_builtins(robot), "body": TWINS[twin]})
+    return to_toml({**msgspec.to_builtins(robot), "body": _twin(twin).body})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,10 +15,8 @@ from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.choice import RobotChoice, option
 
 if TYPE_CHECKING:
+    from vvvaltr.twin.presets import Preset
     from vvvaltr.twin.robot import TwinRobot
-
-TWINS = {"planar": "prism3", "spatial": "icosahedron6"}
-"""The twins, each with its usual body."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +41,10 @@ def choose_robot(asked: dict[str, Any]) -> RobotChoice:
         UserError: there is no such robot, or its file cannot be read (NotUnderstood), or there is no such file.
     """
     name = asked.get("name", "planar")
-    if name in TWINS:
-        usual = {"body": TWINS[name], "law": "eccentric", "world": "flat", "damage": ()}
-        with one_line_errors():
-            return _explicit(RobotChoice(**{**usual, **asked, "name": name}))
     if not name.endswith(".toml"):
-        raise NotUnderstood(_unknown(name))
+        with one_line_errors():
+            usual = {"body": _twin(name).body, "law": "eccentric", "world": "flat", "damage": ()}
+            return _explicit(RobotChoice(**{**usual, **asked, "name": name}))
     if condition := [key for key in asked if key != "name"]:
         raise NotUnderstood(
             f"{option(condition[0])} sets the condition of a twin, and {name} is a real robot; leave it out"
@@ -59,15 +54,20 @@ def choose_robot(asked: dict[str, Any]) -> RobotChoice:
     return RobotChoice(name=name, file=msgspec.to_builtins(load_robot_file(Path(name))))
 
 
-def _unknown(name: str) -> str:
-    return f"{unknown('robot', name, TWINS)}, or name a robot's file, FILE.toml"
+def _twin(name: str) -> Preset:
+    """Return the twin called ``name``. Raises ValueError if there is none."""
+    from vvvaltr.twin.presets import TWINS
+
+    if name not in TWINS:
+        raise ValueError(f"{unknown('robot', name, TWINS)}, or name a robot's file, FILE.toml")
+    return TWINS[name]
 
 
 def _explicit(choice: RobotChoice) -> RobotChoice:
     """Return the choice of a twin with its world's gravity and friction written out."""
-    from vvvaltr.twin.world import world_named
+    from vvvaltr.twin.world import parse_world
 
-    world = world_named(choice.world or "flat", choice.gravity_m_s2, choice.friction)
+    world = parse_world(choice.world or "flat", choice.gravity_m_s2, choice.friction)
     return msgspec.structs.replace(choice, gravity_m_s2=world.gravity_m_s2, friction=world.friction)
 
 
@@ -84,15 +84,11 @@ def open_rig(choice: RobotChoice, seed: int) -> Rig:
 
 def make_twin(choice: RobotChoice, seed: int) -> TwinRobot:
     """Return the twin that ``choice`` describes, without a guard. Raises ValueError if there is none."""
-    from vvvaltr.twin import robot
-    from vvvaltr.twin.world import world_named
+    from vvvaltr.twin.world import parse_world
 
-    if choice.name not in TWINS:
-        raise ValueError(_unknown(choice.name))
-    make: Callable[..., TwinRobot] = getattr(robot, f"{choice.name}_robot")
-    return make(
-        body=choice.body or TWINS[choice.name],
-        world=world_named(choice.world or "flat", choice.gravity_m_s2, choice.friction),
+    return _twin(choice.name).make(
+        body=choice.body,
+        world=parse_world(choice.world or "flat", choice.gravity_m_s2, choice.friction),
         damage=choice.damage or (),
         law=choice.law or "eccentric",
         seed=seed,

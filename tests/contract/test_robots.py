@@ -15,7 +15,8 @@ from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.hardware import open_hardware
 from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.drivers.mocking.process import MockProcess
-from vvvaltr.twin import robot as twins
+from vvvaltr.twin.presets import TWINS
+from vvvaltr.twin.scatter import Scatter
 
 GAIT = Gait((9.0, -11.0, 6.0))
 REST = Gait((0.0, 0.0, 0.0))
@@ -39,8 +40,7 @@ def robot(source: str | MockProcess) -> Iterator[Robot]:
 def _opened(source: str | MockProcess) -> Robot:
     if isinstance(source, MockProcess):
         return open_hardware(load_robot_file(Path(source.greeting.robot_file)))
-    opened: Robot = getattr(twins, f"{source}_robot")(scatter=twins.Scatter.none())
-    return opened
+    return TWINS[source].make(scatter=Scatter.none())
 
 
 def hold(robot: Robot, gait: Gait, duration_s: float) -> None:

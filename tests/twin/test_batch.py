@@ -5,7 +5,7 @@ import pytest
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.twin.batch import run_all
-from vvvaltr.twin.robot import planar_robot, spatial_robot
+from vvvaltr.twin.presets import planar_robot, spatial_robot
 
 SETTINGS = TrialSettings(duration_s=0.5, settle_s=0.1)
 GAITS = [Gait((10.0 + number, 14.0, -12.0)) for number in range(5)]

@@ -5,19 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vvvaltr.twin.body import (
-    BODIES,
-    ConstantForce,
-    EccentricForce,
-    body_named,
-    damaged,
-    disable,
-    icosahedron6,
-    lighten,
-    prism3,
-    snap,
-)
-from vvvaltr.twin.planar.engine import PLANAR_PARTS
+from vvvaltr.twin.bodies import BODIES, icosahedron6, make_body, prism3
+from vvvaltr.twin.body import ConstantForce, EccentricForce, apply_damage, disable, lighten, snap
+from vvvaltr.twin.presets import PLANAR_PARTS
 
 PRISM = prism3(PLANAR_PARTS)
 ICOSAHEDRON = icosahedron6(PLANAR_PARTS)
@@ -116,11 +106,11 @@ def test_a_disabled_motor_cannot_turn_and_nothing_else_changes():
 
 @given(st.permutations(["snap:4,18", "snap:1", "lighten:3:0.5", "disable:2"]))
 def test_numbers_in_damage_mean_the_undamaged_body_in_whatever_order_they_come(specs):
-    assert damaged(ICOSAHEDRON, specs) == disable(lighten(snap(ICOSAHEDRON, [0, 3, 17]), 2, 0.5), 1)
+    assert apply_damage(ICOSAHEDRON, specs) == disable(lighten(snap(ICOSAHEDRON, [0, 3, 17]), 2, 0.5), 1)
 
 
 def test_no_damage_leaves_the_body_as_it_is():
-    assert damaged(PRISM, []) == PRISM
+    assert apply_damage(PRISM, []) == PRISM
 
 
 @pytest.mark.parametrize(
@@ -141,7 +131,7 @@ def test_no_damage_leaves_the_body_as_it_is():
 )
 def test_bad_damage_is_refused_with_the_spec_what_is_wrong_and_what_is_allowed(spec, complaint):
     with pytest.raises(ValueError) as refusal:
-        damaged(ICOSAHEDRON, ["snap:1", spec])
+        apply_damage(ICOSAHEDRON, ["snap:1", spec])
 
     assert str(refusal.value) == f"damage {spec!r}: {complaint}"
 
@@ -149,12 +139,12 @@ def test_bad_damage_is_refused_with_the_spec_what_is_wrong_and_what_is_allowed(s
 @given(st.text(max_size=20))
 def test_any_other_text_is_refused_in_one_line(text):
     with pytest.raises(ValueError) as refusal:
-        damaged(PRISM, [f"x{text}"])
+        apply_damage(PRISM, [f"x{text}"])
 
     assert len(str(refusal.value).splitlines()) == 1
 
 
 def test_an_unknown_body_is_refused_with_the_known_ones():
     with pytest.raises(ValueError, match="unknown body 'cube'; choose one of prism3, icosahedron6"):
-        body_named("cube", PLANAR_PARTS)
+        make_body("cube", PLANAR_PARTS)
     assert set(BODIES) == {"prism3", "icosahedron6"}

@@ -8,8 +8,8 @@ import pytest
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.values import Gait, Outcome, Quantity
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
-from vvvaltr.twin.planar.engine import SEARCH_HZ
-from vvvaltr.twin.robot import Scatter, planar_robot
+from vvvaltr.twin.presets import PLANAR_DRIVES, planar_robot
+from vvvaltr.twin.scatter import Scatter
 from vvvaltr.twin.world import Hills, World
 
 LIVELY = Gait((12.0, 14.0, 16.0))
@@ -142,7 +142,7 @@ def test_a_robot_can_be_made_in_a_worker_from_what_was_sent_there():
 
 
 def test_the_range_to_search_is_that_of_the_law():
-    assert planar_robot().range_hz == SEARCH_HZ == (4.0, 16.7)
+    assert planar_robot().range_hz == PLANAR_DRIVES["eccentric"].range_hz == (4.0, 16.7)
     assert planar_robot(law="constant").range_hz == (5.0, 50.0)
     assert planar_robot(damage=["disable:1"]).max_hz == (16.7, 16.7, 16.7)
 

@@ -3,16 +3,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vvvaltr.twin.world import Flat, Hills, Slope, World, terrain_grid, world_named
+from vvvaltr.twin.world import Flat, Hills, Slope, World, parse_world, sample_terrain
 
 LINE = np.linspace(-2.0, 2.0, 4001)
 
 
 def test_a_world_is_read_as_the_command_line_writes_it():
-    assert world_named("flat") == World(9.81, 0.5, Flat())
-    assert world_named("hills", friction=0.75) == World(friction=0.75, ground=Hills())
-    assert world_named("hills:height_m=0.004,wavelength_m=0.2,seed=3").ground == Hills(0.004, 0.2, 3)
-    assert world_named("slope:angle_rad=0.1", gravity_m_s2=1.96) == World(1.96, 0.5, Slope(0.1))
+    assert parse_world("flat") == World(9.81, 0.5, Flat())
+    assert parse_world("hills", friction=0.75) == World(friction=0.75, ground=Hills())
+    assert parse_world("hills:height_m=0.004,wavelength_m=0.2,seed=3").ground == Hills(0.004, 0.2, 3)
+    assert parse_world("slope:angle_rad=0.1", gravity_m_s2=1.96) == World(1.96, 0.5, Slope(0.1))
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ def test_a_world_is_read_as_the_command_line_writes_it():
 )
 def test_a_bad_world_is_refused_with_what_is_wrong_and_what_is_allowed(text, complaint):
     with pytest.raises(ValueError) as refusal:
-        world_named(text)
+        parse_world(text)
 
     assert str(refusal.value).endswith(complaint)
     assert repr(text) in str(refusal.value)
@@ -39,16 +39,16 @@ def test_a_bad_world_is_refused_with_what_is_wrong_and_what_is_allowed(text, com
 @given(st.text(max_size=30))
 def test_any_text_is_a_world_or_is_refused_in_one_line(text):
     try:
-        world_named(text)
+        parse_world(text)
     except ValueError as refusal:
         assert len(str(refusal).splitlines()) == 1
 
 
 def test_gravity_and_friction_must_be_possible():
     with pytest.raises(ValueError, match="friction is -1, allowed is 0 to 10"):
-        world_named("flat", friction=-1.0)
+        parse_world("flat", friction=-1.0)
     with pytest.raises(ValueError, match="gravity_m_s2 is nan"):
-        world_named("flat", gravity_m_s2=float("nan"))
+        parse_world("flat", gravity_m_s2=float("nan"))
 
 
 def test_heights_come_in_the_shape_of_the_points():
@@ -79,9 +79,9 @@ def test_a_slope_rises_towards_x():
 
 def test_a_viewer_gets_the_ground_as_a_grid():
     world = World(ground=Hills(seed=4))
-    grid = terrain_grid(world, 0.3)
+    grid = sample_terrain(world, 0.3)
 
     assert (grid.x_m[0], grid.x_m[-1]) == (-0.3, 0.3)
     assert len(grid.height_m) == len(grid.x_m)
     assert grid.height_m[7][11] == pytest.approx(float(world.height_m(np.array(grid.x_m[7]), np.array(grid.y_m[11]))))
-    assert len(terrain_grid(World()).x_m) == 2
+    assert len(sample_terrain(World()).x_m) == 2

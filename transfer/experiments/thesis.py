@@ -21,7 +21,7 @@ class Condition:
         title: in words.
         body: the twin's body.
         world: gravity, friction, ground.
-        damage: as ``twin.body.damaged`` takes it.
+        damage: as ``twin.body.apply_damage`` takes it.
     """
 
     name: str

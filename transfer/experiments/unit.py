@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,8 +20,7 @@ from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 from vvvaltr.transfer.experiments.thesis import BODIES, Condition
 from vvvaltr.transfer.methods.registry import make_optimizer
-from vvvaltr.twin import robot as twins
-from vvvaltr.twin.robot import TwinRobot
+from vvvaltr.twin.presets import TWINS
 
 LOOK_S = 0.1
 """Time between two looks at a robot whose true speed is measured: a fifth less work than the usual 0.05 s."""
@@ -158,8 +157,7 @@ def work(settings: Settings, unit: Unit, source: Source | None) -> Result:
 
 def opened(settings: Settings, condition: Condition, seed: int) -> tuple[GuardedRobot, GaitSpace]:
     """Return the robot in its condition, and the gaits to search."""
-    make_robot: Callable[..., TwinRobot] = getattr(twins, f"{settings.robot}_robot")
-    robot = make_robot(condition.body, condition.world, condition.damage, seed=seed)
+    robot = TWINS[settings.robot].make(condition.body, condition.world, condition.damage, seed=seed)
     low_hz, high_hz = robot.range_hz
     space = GaitSpace.over(robot.motors.motor_count, -high_hz if settings.signed else low_hz, high_hz)
     return GuardedRobot(robot, Limits(robot.max_hz)), space

@@ -1,6 +1,6 @@
 """The planar twin: a robot in the vertical plane x-z, on pymunk. Light enough for the robot's own computer.
 
-A body is laid into the plane as it is seen along its axis of symmetry, see ``plane.flattened``. The forces of its
+A body is laid into the plane as it is seen along its axis of symmetry, see ``plane.flatten``. The forces of its
 motors turn in that plane, in the frame of their strut.
 """
 
@@ -12,36 +12,17 @@ import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Gait
-from vvvaltr.twin.body import Body, ConstantForce, EccentricForce, ForceLaw, Parts
+from vvvaltr.twin.body import Body
 from vvvaltr.twin.engine import LEVEL, Start
-from vvvaltr.twin.planar.plane import Plane, Posture, flattened
+from vvvaltr.twin.planar.plane import Plane, Posture, flatten
 from vvvaltr.twin.planar.stepper import STEPS_AT_ONCE
 from vvvaltr.twin.rotors import Rotors
 from vvvaltr.twin.world import World
 
-# For each force law of the motors the law and the frequencies to search; a motor turns no faster than these.
-LAWS: dict[str, tuple[ForceLaw, tuple[float, float]]] = {
-    "eccentric": (EccentricForce(3.5e-5), (4.0, 16.7)),
-    "constant": (ConstantForce(0.35), (5.0, 50.0)),
-}
-SEARCH_HZ = LAWS["eccentric"][1]
-
-PLANAR_PARTS = Parts(
-    total_kg=0.080,
-    motor_kg=0.004,
-    law=LAWS["eccentric"][0],
-    max_hz=SEARCH_HZ[1],
-    stiffness_n_m=200.0,
-    damping_n_s_m=1.0,
-    rest_share=0.55,
-    radius_m=0.003,
-    tension_only=False,
-)
-
 FORMING_S, SETTLING_S = 1.0, 2.0
 
 
-def default_time_step_s(body: Body) -> float:
+def choose_time_step_s(body: Body) -> float:
     """Return the time step at which gaits rank as they do at finer ones: 2 ms for three struts, 1 ms for more."""
     return 0.002 if len(body.struts) <= 3 else 0.001
 
@@ -51,20 +32,20 @@ class PlanarEngine:
 
     Args:
         body, world: what moves where.
-        time_step_s: of the integration; 0 for ``default_time_step_s``.
+        time_step_s: of the integration; 0 for ``choose_time_step_s``.
     """
 
     def __init__(self, body: Body, world: World, time_step_s: float = 0.0) -> None:
         self.body = body
         self.world = world
-        self.time_step_s = time_step_s or default_time_step_s(body)
-        self._settled = _settled(body, world.gravity_m_s2, world.friction, self.time_step_s)
+        self.time_step_s = time_step_s or choose_time_step_s(body)
+        self._settled = _settle(body, world.gravity_m_s2, world.friction, self.time_step_s)
         self._settled_rad = float(self._settled.angles_rad.mean())
         self.reset()
 
     def reset(self, start: Start = LEVEL) -> None:
         """See ``Engine``. The space is a new one: what the old one remembers of contacts would change the motion."""
-        posture = _put_down(self._settled, flattened(self.body).lengths_m, start, self.world)
+        posture = _put_down(self._settled, flatten(self.body).lengths_m, start, self.world)
         self._plane = Plane(self.body, self.world, posture, self.time_step_s)
         self._rotors = Rotors(self.body.motors, self.time_step_s)
         self._due_s = 0.0
@@ -87,7 +68,7 @@ class PlanarEngine:
             self._run(gait, steps % STEPS_AT_ONCE)
 
     def _run(self, gait: Gait, steps: int) -> None:
-        _, forces_n = self._rotors.turn(gait, steps)
+        _, forces_n = self._rotors.spin(gait, steps)
         self._plane.run(forces_n)
         self._steps += steps
 
@@ -110,18 +91,18 @@ class PlanarEngine:
 
 
 @lru_cache(maxsize=64)
-def _settled(body: Body, gravity_m_s2: float, friction: float, time_step_s: float) -> Posture:
+def _settle(body: Body, gravity_m_s2: float, friction: float, time_step_s: float) -> Posture:
     """Return the posture in which the body stands on level ground: first it finds its form, weightless."""
-    layout = flattened(body)
-    floating = Plane(body, World(gravity_m_s2=0.0), layout.posture.moved(0.0, 0.0, 1.0), time_step_s)
-    formed = _left_alone(floating, round(FORMING_S / time_step_s))
+    layout = flatten(body)
+    floating = Plane(body, World(gravity_m_s2=0.0), layout.posture.move(0.0, 0.0, 1.0), time_step_s)
+    formed = _leave_alone(floating, round(FORMING_S / time_step_s))
     lowest_m = formed.nodes_m(layout.lengths_m)[:, 1].min()
-    lowered = formed.moved(0.0, 0.0, body.struts[0].radius_m - lowest_m)
+    lowered = formed.move(0.0, 0.0, body.struts[0].radius_m - lowest_m)
     standing = Plane(body, World(gravity_m_s2, friction), lowered, time_step_s)
-    return _left_alone(standing, round(SETTLING_S / time_step_s))
+    return _leave_alone(standing, round(SETTLING_S / time_step_s))
 
 
-def _left_alone(plane: Plane, steps: int) -> Posture:
+def _leave_alone(plane: Plane, steps: int) -> Posture:
     for _ in range(steps // STEPS_AT_ONCE):
         plane.run(np.zeros((STEPS_AT_ONCE, 1), complex))
     return plane.posture()
@@ -129,7 +110,7 @@ def _left_alone(plane: Plane, steps: int) -> Posture:
 
 def _put_down(settled: Posture, lengths_m: Array, start: Start, world: World) -> Posture:
     """Return the settled posture at ``start``, with its lowest node as near to the ground as on level ground."""
-    placed = settled.moved(-start.pitch_rad, start.x_m - float(settled.middles_m[:, 0].mean()), 0.0)
+    placed = settled.move(-start.pitch_rad, start.x_m - float(settled.middles_m[:, 0].mean()), 0.0)
     nodes = placed.nodes_m(lengths_m)
     gap_m = np.min(nodes[:, 1] - world.height_m(nodes[:, 0], np.zeros(1)))
-    return placed.moved(0.0, 0.0, float(settled.nodes_m(lengths_m)[:, 1].min() - gap_m))
+    return placed.move(0.0, 0.0, float(settled.nodes_m(lengths_m)[:, 1].min() - gap_m))

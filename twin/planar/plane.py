@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     import pymunk
 
 
-ITERATIONS = 10
-SLOP_M = 1e-4  # depth to which things may sink into each other; pymunk's own 0.1 is meant for pixels
-MOST_J = 20.0  # of motion: the whole robot at 22 m/s; strong gaits reach some thousandths
-GROUND_M = 0.02  # thickness of the ground
+SOLVER_ITERATIONS = 10
+PENETRATION_M = 1e-4  # depth to which things may sink into each other; pymunk's own 0.1 is meant for pixels
+MOST_KINETIC_J = 20.0  # of motion: the whole robot at 22 m/s; strong gaits reach some thousandths
+GROUND_THICKNESS_M = 0.02  # thickness of the ground
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Posture:
         along = np.stack([np.cos(self.angles_rad), np.sin(self.angles_rad)], axis=1) * lengths_m[:, None] / 2.0
         return np.stack([self.middles_m + along, self.middles_m - along], axis=1).reshape(-1, 2)
 
-    def moved(self, turn_rad: float, x_m: float, z_m: float) -> Posture:
+    def move(self, turn_rad: float, x_m: float, z_m: float) -> Posture:
         """Return the posture turned about its centre, from x to z, and then shifted."""
         cos, sin = math.cos(turn_rad), math.sin(turn_rad)
         centre = self.middles_m.mean(axis=0)
@@ -57,7 +57,7 @@ class Layout:
 
 
 @lru_cache(maxsize=64)
-def flattened(body: Body) -> Layout:
+def flatten(body: Body) -> Layout:
     """Return the body in the plane.
 
     It is projected along its z axis, magnified until the struts have their lengths again, and turned so that the
@@ -66,22 +66,22 @@ def flattened(body: Body) -> Layout:
     solid = np.array(body.nodes_m)
     shadow = solid[:, :2]
     scale = np.linalg.norm(solid[0] - solid[1]) / np.linalg.norm(shadow[0] - shadow[1])
-    nodes = _on_longest_side(shadow * scale)
+    nodes = _lay_on_longest_side(shadow * scale)
     along = nodes[0::2] - nodes[1::2]
     ends = np.array([spring.nodes for spring in body.springs], dtype=int).reshape(-1, 2)
     rests_m = np.array([spring.rest_m for spring in body.springs])
     return Layout(
         Posture((nodes[0::2] + nodes[1::2]) / 2.0, np.arctan2(along[:, 1], along[:, 0])),
         np.linalg.norm(along, axis=1),
-        rests_m * _distances(nodes, ends) / _distances(solid, ends),
+        rests_m * _measure_distances(nodes, ends) / _measure_distances(solid, ends),
     )
 
 
-def _distances(nodes: Array, pairs: NDArray[np.int_]) -> Array:
+def _measure_distances(nodes: Array, pairs: NDArray[np.int_]) -> Array:
     return np.asarray(np.linalg.norm(nodes[pairs[:, 0]] - nodes[pairs[:, 1]], axis=1))
 
 
-def _on_longest_side(nodes: Array) -> Array:
+def _lay_on_longest_side(nodes: Array) -> Array:
     """Return the nodes turned and moved so that the longest side of their outline lies on z = 0, its middle at 0."""
     sides = [pair for pair in permutations(range(len(nodes)), 2) if _is_side(nodes, *pair)]
     # Rounded, so that of sides that are equally long the first is chosen on every machine.
@@ -109,12 +109,12 @@ class Plane:
     def __init__(self, body: Body, world: World, posture: Posture, time_step_s: float) -> None:
         import pymunk
 
-        layout = flattened(body)
+        layout = flatten(body)
         self._world = world
         self._halves_m = (layout.lengths_m / 2.0).tolist()
         self.space = pymunk.Space()
-        self.space.iterations = ITERATIONS
-        self.space.collision_slop = SLOP_M
+        self.space.iterations = SOLVER_ITERATIONS
+        self.space.collision_slop = PENETRATION_M
         self.space.gravity = (0.0, -world.gravity_m_s2)
         self.struts = [self._add_strut(body, strut, posture) for strut in range(len(body.struts))]
         self._ends = [self._end(node) for node in range(len(body.nodes_m))]
@@ -149,7 +149,7 @@ class Plane:
         """
         self._stepper.run(forces_n)
         kinetic_j = sum(strut.kinetic_energy for strut in self.struts) / 2.0  # pymunk leaves out the half
-        if not kinetic_j < MOST_J:
+        if not kinetic_j < MOST_KINETIC_J:
             raise Diverged(f"the planar twin broke down: its struts move with {kinetic_j:.3g} J")
         self._lay_ground()
 
@@ -165,7 +165,7 @@ class Plane:
             self._stretches.add(number)
             knots = [tuple(knot) for knot in self._knots(number).tolist()]
             for before, here, there, after in zip(knots, knots[1:], knots[2:], knots[3:], strict=False):
-                segment = Segment(self.space.static_body, here, there, GROUND_M / 2.0)
+                segment = Segment(self.space.static_body, here, there, GROUND_THICKNESS_M / 2.0)
                 segment.set_neighbors(before, after)
                 segment.friction = self._world.friction
                 self.space.add(segment)
@@ -183,7 +183,7 @@ class Plane:
         z_m = self._world.height_m(x_m, np.zeros(1))
         rise = np.gradient(z_m, x_m)
         down = np.stack([rise, -np.ones_like(rise)], axis=1) / np.hypot(rise, 1.0)[:, None]
-        return np.asarray(np.stack([x_m, z_m], axis=1) + down * GROUND_M / 2.0)
+        return np.asarray(np.stack([x_m, z_m], axis=1) + down * GROUND_THICKNESS_M / 2.0)
 
     def _add_strut(self, body: Body, strut: int, posture: Posture) -> pymunk.Body:
         import pymunk

@@ -11,42 +11,22 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.errors import DeviceFault
 from vvvaltr.controller.core.values import Forces, Gait
-from vvvaltr.twin.body import Body, ConstantForce, EccentricForce, ForceLaw, Parts
+from vvvaltr.twin.body import Body
 from vvvaltr.twin.engine import LEVEL, Diverged, Start
-from vvvaltr.twin.posture import Angles, best_rotation, continued_angles, nodes_of, turned
+from vvvaltr.twin.posture import Angles, continue_angles, fit_rotation, place_nodes, rotate_posture
 from vvvaltr.twin.rotors import Rotors
-from vvvaltr.twin.spatial.forces import forces_in
-from vvvaltr.twin.spatial.model import HILLS_HALF_WIDTH_M, compiled
+from vvvaltr.twin.spatial.forces import read_forces
+from vvvaltr.twin.spatial.model import HILLS_HALF_WIDTH_M, compile_model
 from vvvaltr.twin.world import Flat, Hills, World
 
 if TYPE_CHECKING:
     import mujoco
 
 
-LAWS: dict[str, tuple[ForceLaw, tuple[float, float]]] = {
-    "eccentric": (EccentricForce(1e-5), (5.0, 50.0)),
-    # A fifth of the weight: with much more, three motors in phase lift the robot, and hopping beats every gait.
-    "constant": (ConstantForce(0.15), (5.0, 50.0)),
-}
-SEARCH_HZ = LAWS["eccentric"][1]
-
-SPATIAL_PARTS = Parts(
-    total_kg=0.078,
-    motor_kg=0.004,
-    law=LAWS["eccentric"][0],
-    max_hz=SEARCH_HZ[1],
-    stiffness_n_m=200.0,
-    damping_n_s_m=0.4,
-    rest_share=0.75,
-    radius_m=0.004,
-    tension_only=True,
-    rotor_kg_m2=5e-8,
-)
-
 TIME_STEP_S = 0.0005
 SETTLING_S = 3.0
-FOOT_M = 0.03  # from the middle to where the robot stands
-FASTEST_M_S = 20.0  # of a strut's middle; in strong gaits less than 1
+FOOT_RADIUS_M = 0.03  # from the middle to where the robot stands
+FASTEST_STRUT_M_S = 20.0  # of a strut's middle; in strong gaits less than 1
 
 
 class SpatialEngine:
@@ -65,16 +45,16 @@ class SpatialEngine:
         self.body = body
         self.world = world
         self.time_step_s = time_step_s or TIME_STEP_S
-        self._motion = _Motion(compiled(body, world, self.time_step_s))
+        self._simulation = _Simulation(compile_model(body, world, self.time_step_s))
         self._halves_m = _halves_m(body)
-        self._settled = _settled(body, world.gravity_m_s2, world.friction, self.time_step_s)
-        self._settled_nodes_m = nodes_of(self._settled, self._halves_m)
+        self._settled = _settle(body, world.gravity_m_s2, world.friction, self.time_step_s)
+        self._settled_nodes_m = place_nodes(self._settled, self._halves_m)
         self.reset()
 
     def reset(self, start: Start = LEVEL) -> None:
         """See ``Engine``."""
         posture, self._angles_rad = self._put_down(start)
-        self._motion.begin(posture)
+        self._simulation.begin(posture)
         self._rotors = Rotors(self.body.motors, self.time_step_s)
         self._due_s = 0.0
         self._steps = 0
@@ -94,16 +74,16 @@ class SpatialEngine:
             raise ValueError(f"a gait for {gait.motor_count} motors, but {self.body.name} has {len(self.body.motors)}")
         self._due_s += duration_s
         if (steps := round(self._due_s / self.time_step_s) - self._steps) > 0:
-            self._motion.go_on(self._controls(gait, steps))
+            self._simulation.go_on(self._controls(gait, steps))
             self._steps += steps
-            self._motion.check(self.time_s)
+            self._simulation.check(self.time_s)
             self._check_place()
-            turn = best_rotation(self.nodes_m(), self._settled_nodes_m)
-            self._angles_rad = continued_angles(turn, self._angles_rad)
+            turn = fit_rotation(self.nodes_m(), self._settled_nodes_m)
+            self._angles_rad = continue_angles(turn, self._angles_rad)
 
     def nodes_m(self) -> Array:
         """See ``Engine``."""
-        return nodes_of(self._motion.posture(), self._halves_m)
+        return place_nodes(self._simulation.posture(), self._halves_m)
 
     def angles_rad(self) -> tuple[float, float, float]:
         """See ``Engine``. Of the rotation that best carries the settled robot's nodes to where they are."""
@@ -115,12 +95,12 @@ class SpatialEngine:
 
     def forces(self) -> Forces:
         """See ``Engine``."""
-        return self._motion.forces(self.body)
+        return self._simulation.forces(self.body)
 
     def _controls(self, gait: Gait, steps: int) -> Array:
         """Return two forces and the reaction torque of each motor for each step, shape (steps, 3 * motors)."""
         before_hz = self._rotors.applied_hz
-        hz, forces_n = self._rotors.turn(gait, steps)
+        hz, forces_n = self._rotors.spin(gait, steps)
         # A rotor turns from y to x, which is backwards about z; as it speeds up, it turns the strut forwards.
         spin_up_hz_s = np.diff(hz, axis=0, prepend=before_hz[None]) / self.time_step_s
         torques_n_m = math.tau * spin_up_hz_s * [motor.rotor_kg_m2 for motor in self.body.motors]
@@ -128,22 +108,22 @@ class SpatialEngine:
 
     def _put_down(self, start: Start) -> tuple[Array, Angles]:
         """Return the settled posture at ``start``, lying on the ground, and the angles that it is turned by."""
-        angles_rad = _lying(self.world, start)
+        angles_rad = _lie_along_ground(self.world, start)
         centre_m = self.body.centre_m(self._settled_nodes_m)
-        placed = turned(self._settled, angles_rad, centre_m)
+        placed = rotate_posture(self._settled, angles_rad, centre_m)
         placed[:, :2] += [start.x_m - centre_m[0], start.y_m - centre_m[1]]
-        nodes_m = nodes_of(placed, self._halves_m)
+        nodes_m = place_nodes(placed, self._halves_m)
         gap_m = np.min(nodes_m[:, 2] - self.world.height_m(nodes_m[:, 0], nodes_m[:, 1]))
         placed[:, 2] += self._settled_nodes_m[:, 2].min() - gap_m
         return placed, angles_rad
 
     def _check_place(self) -> None:
-        farthest_m = np.abs(self._motion.posture()[:, :2]).max()
+        farthest_m = np.abs(self._simulation.posture()[:, :2]).max()
         if isinstance(self.world.ground, Hills) and farthest_m > HILLS_HALF_WIDTH_M:
             raise DeviceFault("off the hills", f"the robot left the hills, which end at {HILLS_HALF_WIDTH_M:g} m")
 
 
-class _Motion:
+class _Simulation:
     """A motion of a model, computed piece by piece, each piece many steps.
 
     The state is a row of MuJoCo's ``mjSTATE_FULLPHYSICS``: the time, 7 coordinates of each strut, 6 speeds of each.
@@ -187,12 +167,12 @@ class _Motion:
         data.qacc_warmstart[:] = self._data.qacc_warmstart
         data.ctrl[:] = self._control
         mj_forward(self._model, data)
-        return forces_in(self._model, data, body)
+        return read_forces(self._model, data, body)
 
     def check(self, time_s: float) -> None:
         """Raise Diverged if this is not a state that a robot can be in, or not that of ``time_s``."""
         speeds_m_s = np.linalg.norm(self._state[self._coordinates.stop :].reshape(-1, 6)[:, :3], axis=1)
-        if not (np.isfinite(self._state).all() and speeds_m_s.max() < FASTEST_M_S):
+        if not (np.isfinite(self._state).all() and speeds_m_s.max() < FASTEST_STRUT_M_S):
             raise Diverged(
                 f"the spatial twin broke down at {time_s:.3f} s: a strut moves at {speeds_m_s.max():.3g} m/s"
             )
@@ -201,29 +181,29 @@ class _Motion:
             raise Diverged(f"the spatial twin broke down at {self._state[0]:.3f} s: MuJoCo went no further")
 
 
-def _lying(world: World, start: Start) -> Angles:
+def _lie_along_ground(world: World, start: Start) -> Angles:
     """Return yaw, pitch and roll of a robot that lies along the ground at ``start``, but for the start's own tilt."""
     # Points ahead, behind, to the left and to the right, about where the feet are.
     around = start.yaw_rad + np.array([0.0, math.pi, math.pi / 2.0, -math.pi / 2.0])
     ahead, behind, left, right = world.height_m(
-        start.x_m + FOOT_M * np.cos(around), start.y_m + FOOT_M * np.sin(around)
+        start.x_m + FOOT_RADIUS_M * np.cos(around), start.y_m + FOOT_RADIUS_M * np.sin(around)
     ).tolist()
-    pitch_rad = math.atan2(behind - ahead, 2.0 * FOOT_M)
-    roll_rad = math.atan2((left - right) * math.cos(pitch_rad), 2.0 * FOOT_M)
+    pitch_rad = math.atan2(behind - ahead, 2.0 * FOOT_RADIUS_M)
+    roll_rad = math.atan2((left - right) * math.cos(pitch_rad), 2.0 * FOOT_RADIUS_M)
     return start.yaw_rad, start.pitch_rad + pitch_rad, roll_rad
 
 
 @lru_cache(maxsize=64)
-def _settled(body: Body, gravity_m_s2: float, friction: float, time_step_s: float) -> Array:
+def _settle(body: Body, gravity_m_s2: float, friction: float, time_step_s: float) -> Array:
     """Return the posture in which the body stands on level ground: put down in its design state and left alone."""
-    model = compiled(body, World(gravity_m_s2, friction, Flat()), time_step_s)
+    model = compile_model(body, World(gravity_m_s2, friction, Flat()), time_step_s)
     design = model.qpos0.reshape(-1, 7).copy()
     design[:, 2] += body.struts[0].radius_m
-    motion = _Motion(model)
-    motion.begin(design)
-    motion.go_on(np.zeros((round(SETTLING_S / time_step_s), model.nu)))
-    motion.check(SETTLING_S)
-    return motion.posture().copy()
+    simulation = _Simulation(model)
+    simulation.begin(design)
+    simulation.go_on(np.zeros((round(SETTLING_S / time_step_s), model.nu)))
+    simulation.check(SETTLING_S)
+    return simulation.posture().copy()
 
 
 def _halves_m(body: Body) -> Array:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import mujoco
 
 
-def forces_in(model: mujoco.MjModel, data: mujoco.MjData, body: Body) -> Forces:
+def read_forces(model: mujoco.MjModel, data: mujoco.MjData, body: Body) -> Forces:
     """Return the forces on a body, for data on which ``mj_forward`` was run."""
     stretch_m = data.ten_length - model.tendon_lengthspring[:, 1]
     if body.tension_only:

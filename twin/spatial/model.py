@@ -23,12 +23,12 @@ HOOK_M = 0.002  # springs hang on hooks beside the strut: on its axis they would
 AXIAL_GYRATION_M = 0.006  # board, battery and motor sit beside the axis and make up most of the axial inertia
 HILLS_HALF_WIDTH_M = 1.5
 POINTS_PER_WAVE = 10
-ITERATIONS = 30
+SOLVER_ITERATIONS = 30
 SOLREF = (0.004, 1.0)  # MuJoCo's words for a contact: time constant and damping ratio; stiffness against depth
 SOLIMP = (0.9, 0.95, 0.0005, 0.5, 2.0)
 
 
-def compiled(body: Body, world: World, time_step_s: float, hook_m: float = HOOK_M) -> mujoco.MjModel:
+def compile_model(body: Body, world: World, time_step_s: float, hook_m: float = HOOK_M) -> mujoco.MjModel:
     """Return the model, with the body at its design state.
 
     Args:
@@ -43,7 +43,7 @@ def compiled(body: Body, world: World, time_step_s: float, hook_m: float = HOOK_
     spec = _quiet_mujoco().MjSpec()
     _set_options(spec, world.gravity_m_s2, time_step_s)
     _add_ground(spec, world.ground)
-    frames = strut_frames(np.array(body.nodes_m))
+    frames = find_strut_frames(np.array(body.nodes_m))
     for strut, frame in enumerate(frames):
         _add_strut(spec, body, strut, frame)
         _let_touch(spec, strut, world.friction)
@@ -54,7 +54,7 @@ def compiled(body: Body, world: World, time_step_s: float, hook_m: float = HOOK_
     return spec.compile()
 
 
-def strut_frames(nodes_m: Array) -> Array:
+def find_strut_frames(nodes_m: Array) -> Array:
     """Return each strut's axes as the columns of a matrix, shape (struts, 3, 3), for nodes of shape (2 * struts, 3).
 
     z points from bottom to top, x is level; so struts that a turn about the vertical carries into each other have
@@ -90,7 +90,7 @@ def _set_options(spec: mujoco.MjSpec, gravity_m_s2: float, time_step_s: float) -
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     # With this handful of contacts the sweeping solver agrees with Newton's to 1e-8 m in half of its time.
     option.solver = mujoco.mjtSolver.mjSOL_PGS
-    option.iterations = ITERATIONS
+    option.iterations = SOLVER_ITERATIONS
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     # Without the automatic reset, a state that broke down stays broken and is seen.
     option.disableflags = off.mjDSBL_AUTORESET.value | off.mjDSBL_ISLAND.value

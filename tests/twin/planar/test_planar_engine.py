@@ -9,10 +9,12 @@ import pytest
 
 from vvvaltr.controller.core.errors import DeviceFault
 from vvvaltr.controller.core.values import Gait
-from vvvaltr.twin.body import BODIES, damaged, icosahedron6, prism3
+from vvvaltr.twin.bodies import BODIES, icosahedron6, prism3
+from vvvaltr.twin.body import apply_damage
 from vvvaltr.twin.engine import Diverged, Start
-from vvvaltr.twin.planar.engine import LAWS, PLANAR_PARTS, PlanarEngine
+from vvvaltr.twin.planar.engine import PlanarEngine
 from vvvaltr.twin.planar.stepper import Stepper
+from vvvaltr.twin.presets import PLANAR_DRIVES, PLANAR_PARTS
 from vvvaltr.twin.world import PLAIN, Hills, Slope, World
 
 PRISM = prism3(PLANAR_PARTS)
@@ -21,10 +23,11 @@ STILL = Gait((0.0, 0.0, 0.0))
 LIVELY = Gait((12.0, 14.0, 16.0))
 MOTION = """
 from vvvaltr.controller.core.values import Gait
-from vvvaltr.twin.body import body_named
-from vvvaltr.twin.planar.engine import PLANAR_PARTS, PlanarEngine
+from vvvaltr.twin.bodies import make_body
+from vvvaltr.twin.planar.engine import PlanarEngine
+from vvvaltr.twin.presets import PLANAR_PARTS
 from vvvaltr.twin.world import Hills, World
-engine = PlanarEngine(body_named({body!r}, PLANAR_PARTS), World(ground=Hills(seed=2)))
+engine = PlanarEngine(make_body({body!r}, PLANAR_PARTS), World(ground=Hills(seed=2)))
 for _ in range(20):
     engine.step(Gait((12.0, -14.0, 16.0)), 0.05)
 print(engine.nodes_m().tobytes().hex())
@@ -126,15 +129,15 @@ def test_eccentric_motors_below_10_hz_leave_the_robot_where_it_is_and_above_14_h
 
 
 def test_the_constant_force_of_the_thesis_moves_the_robot_at_frequencies_above_the_motors_of_today():
-    law, range_hz = LAWS["constant"]
-    engine = PlanarEngine(prism3(replace(PLANAR_PARTS, law=law, max_hz=range_hz[1])), PLAIN)
+    drive = PLANAR_DRIVES["constant"]
+    engine = PlanarEngine(prism3(replace(PLANAR_PARTS, law=drive.law, max_hz=drive.range_hz[1])), PLAIN)
 
     assert speed_m_s(engine, Gait((30.0, 20.0, 25.0))) > 0.002
     assert engine.applied_hz() == pytest.approx((30.0, 20.0, 25.0))
 
 
 def test_no_motor_turns_faster_than_it_can_and_a_disabled_one_not_at_all():
-    engine = PlanarEngine(damaged(PRISM, ["disable:2"]), PLAIN)
+    engine = PlanarEngine(apply_damage(PRISM, ["disable:2"]), PLAIN)
     engine.step(Gait((40.0, 12.0, -40.0)), 2.0)
 
     assert engine.applied_hz() == (16.7, 0.0, -16.7)
@@ -229,7 +232,7 @@ def test_the_seed_of_the_hills_changes_the_motion():
 
 @pytest.mark.parametrize("damage", [["snap:4,8"], ["lighten:2:0.5"], ["disable:1"]], ids=str)
 def test_damage_changes_the_speed(damage):
-    intact, hurt = PlanarEngine(PRISM, PLAIN), PlanarEngine(damaged(PRISM, damage), PLAIN)
+    intact, hurt = PlanarEngine(PRISM, PLAIN), PlanarEngine(apply_damage(PRISM, damage), PLAIN)
 
     assert abs(speed_m_s(hurt, LIVELY) - speed_m_s(intact, LIVELY)) > 0.0005
 

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from vvvaltr.controller.core.values import Gait
-from vvvaltr.twin.body import Body, EccentricForce, Motor, Spring, Strut, icosahedron6, prism3
+from vvvaltr.twin.bodies import icosahedron6, prism3
+from vvvaltr.twin.body import Body, EccentricForce, Motor, Spring, Strut
 from vvvaltr.twin.engine import Start
-from vvvaltr.twin.planar.engine import PLANAR_PARTS, PlanarEngine
-from vvvaltr.twin.planar.plane import Plane, Posture, flattened
+from vvvaltr.twin.planar.engine import PlanarEngine
+from vvvaltr.twin.planar.plane import Plane, Posture, flatten
+from vvvaltr.twin.presets import PLANAR_PARTS
 from vvvaltr.twin.world import PLAIN, Slope, World
 
 STEP_S = 0.001
@@ -34,7 +36,7 @@ def lying_rod(world):
 
 
 def energy_j(plane, body, gravity_m_s2):
-    layout, nodes = flattened(body), plane.nodes_m()
+    layout, nodes = flatten(body), plane.nodes_m()
     masses, middles = body.masses_kg, plane.posture().middles_m
     stretch = [
         math.dist(nodes[spring.nodes[0]], nodes[spring.nodes[1]]) - rest
@@ -47,7 +49,7 @@ def energy_j(plane, body, gravity_m_s2):
 
 @pytest.mark.parametrize("body", [prism3(PLANAR_PARTS), icosahedron6(PLANAR_PARTS)], ids=lambda body: body.name)
 def test_the_centre_of_mass_falls_freely_whatever_the_springs_do(body):
-    plane = Plane(body, PLAIN, flattened(body).posture.moved(0.0, 0.0, 1.0), STEP_S)
+    plane = Plane(body, PLAIN, flatten(body).posture.move(0.0, 0.0, 1.0), STEP_S)
     masses = body.masses_kg
     before = masses @ plane.posture().middles_m / masses.sum()
 
@@ -101,7 +103,7 @@ def test_two_struts_on_a_spring_swing_at_the_root_of_stiffness_over_reduced_mass
         struts=(Strut(0.003, mass_kg),) * 2,
         springs=(Spring((1, 2), 0.09, stiffness_n_m, 0.0),),
     )
-    plane = Plane(pair, World(gravity_m_s2=0.0), flattened(pair).posture.moved(0.0, 0.0, 1.0), STEP_S)
+    plane = Plane(pair, World(gravity_m_s2=0.0), flatten(pair).posture.move(0.0, 0.0, 1.0), STEP_S)
     gaps = []
     for _ in range(1000):
         plane.run(np.zeros((1, 1), complex))

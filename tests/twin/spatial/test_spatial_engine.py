@@ -8,10 +8,13 @@ import pytest
 from vvvaltr.controller.core.errors import DeviceFault
 from vvvaltr.controller.core.values import Gait, Outcome
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
-from vvvaltr.twin.body import EccentricForce, Shape, damaged, icosahedron6, prism3
+from vvvaltr.twin.bodies import icosahedron6, prism3
+from vvvaltr.twin.body import EccentricForce, Shape, apply_damage
 from vvvaltr.twin.engine import Diverged, Start
-from vvvaltr.twin.robot import Scatter, TwinRobot, spatial_robot
-from vvvaltr.twin.spatial.engine import SEARCH_HZ, SPATIAL_PARTS, SpatialEngine
+from vvvaltr.twin.presets import SPATIAL_DRIVES, SPATIAL_PARTS, spatial_robot
+from vvvaltr.twin.robot import TwinRobot
+from vvvaltr.twin.scatter import Scatter
+from vvvaltr.twin.spatial.engine import SpatialEngine
 from vvvaltr.twin.world import PLAIN, Hills, Slope, World
 
 STILL = Gait((0.0, 0.0, 0.0))
@@ -120,7 +123,7 @@ def test_applied_frequencies_follow_the_command_with_a_lag_and_a_limit(engine):
     engine.step(Gait((10.0, -80.0, 0.0)), 1.0)
 
     assert after_a_lag == pytest.approx((10.0 * (1.0 - math.exp(-1.0)), -50.0 * (1.0 - math.exp(-1.0)), 0.0))
-    assert engine.applied_hz() == pytest.approx((10.0, -SEARCH_HZ[1], 0.0))
+    assert engine.applied_hz() == pytest.approx((10.0, -SPATIAL_PARTS.max_hz, 0.0))
 
 
 @pytest.mark.parametrize("world", [HILLS, World(ground=Slope(0.1))], ids=["hills", "slope"])
@@ -169,10 +172,10 @@ def test_damage_changes_how_the_robot_stands_and_moves(engine):
     whole = driven(engine)
 
     for specs in (["snap:4,18"], ["lighten:3:0.5"], ["disable:2"]):
-        hurt = SpatialEngine(damaged(BODY, specs), PLAIN)
+        hurt = SpatialEngine(apply_damage(BODY, specs), PLAIN)
         assert np.abs(driven(hurt) - whole).max() > 1e-4
 
-    sagged = SpatialEngine(damaged(BODY, ["snap:4,18"]), PLAIN)
+    sagged = SpatialEngine(apply_damage(BODY, ["snap:4,18"]), PLAIN)
     engine.reset()
     assert centre_m(sagged)[2] < centre_m(engine)[2] - 0.005
 
@@ -201,7 +204,12 @@ def test_a_motion_that_breaks_down_is_a_fault_with_a_reason_and_leaves_no_file(t
 
     def trial():
         parts = replace(SPATIAL_PARTS, law=law)
-        robot = TwinRobot(SpatialEngine(icosahedron6(parts), PLAIN, time_step_s), SEARCH_HZ, 0, Scatter.none())
+        robot = TwinRobot(
+            SpatialEngine(icosahedron6(parts), PLAIN, time_step_s),
+            SPATIAL_DRIVES["eccentric"].range_hz,
+            0,
+            Scatter.none(),
+        )
         return run_trial(robot, Gait((50.0, 50.0, 45.0)), SHORT)
 
     if time_step_s > 0.001:
@@ -217,7 +225,7 @@ def test_a_motion_that_breaks_down_is_a_fault_with_a_reason_and_leaves_no_file(t
 def test_a_state_that_stays_behind_the_clock_is_a_fault_and_not_a_robot_that_rests(engine):
     engine.reset()
     engine.step(STILL, 0.1)
-    engine._motion._state[0] -= 0.01
+    engine._simulation._state[0] -= 0.01
 
     with pytest.raises(Diverged, match="MuJoCo went no further"):
         engine.step(STILL, 0.1)

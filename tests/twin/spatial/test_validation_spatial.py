@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from vvvaltr.controller.core.values import Gait
-from vvvaltr.twin.body import Body, Shape, Spring, Strut, icosahedron6, prism3
-from vvvaltr.twin.spatial.engine import SPATIAL_PARTS, TIME_STEP_S, SpatialEngine
-from vvvaltr.twin.spatial.model import AXIAL_GYRATION_M, compiled
+from vvvaltr.twin.bodies import icosahedron6, prism3
+from vvvaltr.twin.body import Body, Shape, Spring, Strut
+from vvvaltr.twin.presets import SPATIAL_PARTS
+from vvvaltr.twin.spatial.engine import TIME_STEP_S, SpatialEngine
+from vvvaltr.twin.spatial.model import AXIAL_GYRATION_M, compile_model
 from vvvaltr.twin.world import PLAIN, World
 
 WEIGHTLESS = World(gravity_m_s2=0.0)
@@ -21,7 +23,7 @@ named = pytest.mark.parametrize("body", BODIES, ids=lambda body: body.name)
 
 def at_design(body, world, hook_m=0.002, up_m=0.0, time_step_s=TIME_STEP_S):
     """Return model and data with the body at rest in its design state, ``up_m`` above the ground."""
-    model = compiled(body, world, time_step_s, hook_m)
+    model = compile_model(body, world, time_step_s, hook_m)
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY.value
     data = mujoco.MjData(model)
     coordinates(data)[:, 2] += body.struts[0].radius_m + up_m
