@@ -1,0 +1,41 @@
+"""Learning through each kind of tracker that a mock can be seen by: what is learned from is what the twin did."""
+
+from pathlib import Path
+
+import pytest
+
+from vvvaltr.controller.cli.main import main
+from vvvaltr.controller.core.values import Outcome
+from vvvaltr.controller.runs.log import read_run
+from vvvaltr.drivers.mocking.faults import Fault, Kind
+from vvvaltr.drivers.mocking.process import MockProcess
+
+
+@pytest.mark.flaky(reruns=2)  # in real time
+@pytest.mark.parametrize("kind", ["stream", "qtm", "natnet"])
+def test_a_mock_seen_through_a_tracker_is_learned_with(kind: str, tmp_path: Path) -> None:
+    with MockProcess("qik", tmp_path / "port", "--robot", "spatial", "--tracker", kind) as mock:
+        asked = ["--trials", "3", "--duration", "1", "--no-recording", "--out", str(tmp_path / "run")]
+        assert main(["learn", "--robot", mock.greeting.robot_file, *asked]) == 0
+
+    trials = [logged.trial for logged in read_run(tmp_path / "run").trials]
+    assert [trial.outcome for trial in trials] == [Outcome.COMPLETED] * 3
+    for trial in trials:
+        times_s = [pose.t_s for pose in trial.poses]
+        assert times_s == sorted(times_s)
+        assert len(set(times_s)) > 20
+        assert all(0.0 < pose.position_m[2] < 0.3 for pose in trial.poses)  # upright, and in metres
+
+
+@pytest.mark.flaky(reruns=2)
+@pytest.mark.parametrize("kind", ["qtm", "natnet"])
+def test_a_lost_robot_ends_the_trial_which_is_done_again(kind: str, tmp_path: Path) -> None:
+    with MockProcess("qik", tmp_path / "port", "--tracker", kind) as mock:
+        mock.befall(Fault(kind=Kind.BLIND, after_motion_s=0.4, duration_s=0.6))
+        asked = ["--trials", "1", "--duration", "1", "--no-recording", "--out", str(tmp_path / "run")]
+        assert main(["learn", "--robot", mock.greeting.robot_file, *asked]) == 0
+
+    lost, completed = (logged.trial for logged in read_run(tmp_path / "run").trials)
+    assert lost.outcome is Outcome.TRACKING_LOST
+    assert "the tracker does not see the robot" in lost.reason
+    assert completed.outcome is Outcome.COMPLETED
