@@ -128,6 +128,37 @@ def test_bad_wishes_are_refused_before_anything_moves(options: dict[str, object]
         vvvaltr.learn(robot, vvvaltr.make_optimizer("plain", robot.space, 1), **options)  # type: ignore[arg-type]
 
 
+def test_a_run_that_is_broken_off_keeps_its_trials(tmp_path: Path) -> None:
+    with vvvaltr.open_robot("planar", seed=1) as robot:
+        optimizer = vvvaltr.make_optimizer("plain", robot.space, seed=1)
+        for logged in vvvaltr.learn(robot, optimizer, trials=9, duration_s=1.0, out=tmp_path / "run"):
+            if logged.trial.number == 2:
+                break
+
+    assert len(vvvaltr.read_run(tmp_path / "run").trials) == 2
+
+
+def test_learning_guards_a_bare_twin() -> None:
+    twin = vvvaltr.planar_robot()
+    too_fast = vvvaltr.make_optimizer("random", vvvaltr.GaitSpace.over(3, 90.0, 99.0), seed=1)
+
+    with pytest.raises(vvvaltr.TrialCrashed, match="outside its limits"):
+        next(vvvaltr.learn(twin, too_fast))
+
+
+def test_learning_refuses_motors_without_a_guard() -> None:
+    class Bare:
+        def __init__(self) -> None:
+            twin = vvvaltr.planar_robot()
+            self.motors, self.tracker, self.clock, self.structure = twin.motors, twin.tracker, twin.clock, None
+            self.place, self.close = twin.place, twin.close
+
+    optimizer = vvvaltr.make_optimizer("random", vvvaltr.GaitSpace.over(3, 4.0, 16.0), seed=1)
+
+    with pytest.raises(vvvaltr.UserError, match="no guard: use open_robot"):
+        vvvaltr.learn(Bare(), optimizer)
+
+
 @pytest.fixture
 def foreign(tmp_path: Path) -> Path:
     """A folder with packages of others that are called as the rooms are."""

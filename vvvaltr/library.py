@@ -13,11 +13,12 @@ from vvvaltr.controller.core.protocols import Optimizer, Robot
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.controller.loop import learn as loop
-from vvvaltr.controller.loop.safety import GuardedRobot
+from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.scoring import SCORES
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.runs import log
+from vvvaltr.twin.robot import TwinRobot
 
 
 class OpenRobot(GuardedRobot):
@@ -116,11 +117,21 @@ def learn(
         raise UserError(f"{out} exists: choose another folder, or move it away")
     if trials < 1:
         raise UserError(f"trials is {trials}: make at least 1")
+    robot = _guarded(robot)
     usual = robot.settings if isinstance(robot, OpenRobot) else TrialSettings()
     chosen = settings or usual
     if duration_s is not None:
         chosen = replace(chosen, duration_s=duration_s)
     return _learn(robot, optimizer, chosen, loop.Budget(trials, score), None if out is None else Path(out))
+
+
+def _guarded(robot: Robot) -> GuardedRobot:
+    """Return the robot behind its guard. Raises UserError where nothing is known of its limits."""
+    if isinstance(robot, GuardedRobot):
+        return robot
+    if isinstance(robot, TwinRobot):
+        return GuardedRobot(robot, Limits(robot.max_hz))
+    raise UserError("the robot's motors have no guard: use open_robot, or GuardedRobot(robot, Limits(max_hz))")
 
 
 def _learn(
