@@ -1,4 +1,4 @@
-"""Many trials at once, with the numbers that they have one by one."""
+"""Many trials at once, with exactly the results of running them one by one."""
 
 from __future__ import annotations
 
@@ -16,22 +16,26 @@ Result = TypeVar("Result")
 Task = Callable[[TwinRobot], Result]
 
 CHUNKS_PER_PROCESS = 8
+"""Chunks that each process gets: fewer leave processes idle at the end, more make a robot too often."""
 
 
 def run_all(
     make_robot: Callable[[], TwinRobot], tasks: Sequence[Task[Result]], jobs: int = 1
 ) -> Generator[Result, None, None]:
-    """Run each task alone with a robot, ``jobs`` of them at a time, and yield the results in order.
+    """Run each task with a robot to itself, ``jobs`` of them at a time, and yield the results in order.
 
-    Every task finds its robot as ``place`` puts it down, so the results do not depend on ``jobs``. The spatial twin
-    runs over threads: MuJoCo leaves Python alone for all the steps between two commands, and nothing has to be started
-    or sent about. Threads of the planar twin, whose every step is a call from Python, would only wait for each other.
-    Closing the generator gives up what is not done: processes end at once, threads after the task they are at.
+    Every task places its robot anew, so the results do not depend on ``jobs``. The spatial twin runs in threads: MuJoCo
+    releases Python for all steps between two commands, and threads need no start-up and no copies. The planar twin runs
+    in processes: each of its steps is a call from Python, and threads would only wait for each other. Closing the
+    generator cancels the tasks that are left: processes end at once, threads when their task ends.
 
     Args:
         make_robot: makes a robot. For the planar twin it must be picklable, and so must tasks and results.
-        tasks: what to do with a robot: place it, and drive it.
-        jobs: how many threads or processes.
+        tasks: tasks of placing and driving a robot, each a function of the robot.
+        jobs: number of threads or processes.
+
+    Raises:
+        Exception: whatever a task raises.
     """
     robot = make_robot()
     if jobs == 1:

@@ -15,16 +15,17 @@ from vvvaltr.twin.body import Body, ForceLaw, Motor, Shape, Spring, Strut
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What a robot is made of. A twin has its own, because two and three dimensions need different numbers.
+    """The numbers of a robot's parts. Each twin has its own, because two and three dimensions need different ones.
 
     Args:
         total_kg: mass of the whole robot, motors included.
         motor_kg: mass of each motor.
+        law, max_hz, spin_up_s, rotor_kg_m2: properties of each motor, see ``Motor``.
+        stiffness_n_m, damping_n_s_m: properties of each spring, see ``Spring``.
+        rest_share: rest length of each spring, as a share of its length in the design state.
         strut_m: length of each strut.
-        radius_m: radius of a capsule, half the side of a box.
-        rest_share: rest length of each spring as a share of its design length.
-        law, max_hz, spin_up_s, rotor_kg_m2: see ``Motor``.
-        tension_only: see ``Body``.
+        radius_m, shape: cross-section of each strut, see ``Strut``.
+        tension_only: whether springs only pull, see ``Body``.
     """
 
     total_kg: float
@@ -54,8 +55,8 @@ PRISM_SPRINGS = "1t-2t 2t-3t 3t-1t 1b-2b 2b-3b 3b-1b 1t-2b 2t-3b 3t-1b"
 def prism3(parts: Parts) -> Body:
     """Return the three-strut prism with a motor on each strut, standing on a triangle.
 
-    Each top is turned by 150 degrees against its bottom, which leaves the 30 degrees between the two triangles at which
-    alone a three-strut prism holds; radius and height make all nine springs equally long.
+    Each strut's top is rotated by 150 degrees against its bottom. The two triangles are then 30 degrees apart, the only
+    angle at which a three-strut prism is stable. Radius and height make all nine springs equally long.
     """
     height = math.sqrt(1.0 + math.sqrt(3.0))  # in radii: an edge of a triangle, sqrt(3), is as long as a rising spring
     radius_m = parts.strut_m / math.sqrt(height**2 + (2.0 * math.sin(math.radians(75.0))) ** 2)
@@ -70,7 +71,7 @@ def prism3(parts: Parts) -> Body:
 def icosahedron6(parts: Parts) -> Body:
     """Return the six-strut robot with motors on struts 0, 2 and 4, standing on a triangle.
 
-    Three pairs of parallel struts along three orthogonal axes; the struts of a pair are half a strut's length apart.
+    Its struts form three parallel pairs along three orthogonal axes; the two of a pair are half a strut's length apart.
     """
     half, side = 0.5, 0.25
     nodes = np.array(
@@ -80,7 +81,7 @@ def icosahedron6(parts: Parts) -> Body:
             *((half, side, 0), (-half, side, 0), (half, -side, 0), (-half, -side, 0)),
         ]
     )
-    # The diagonal of the three axes, about which the body repeats every 120 degrees, becomes the vertical.
+    # The diagonal of the three axes becomes the vertical: about it, the body repeats every 120 degrees.
     east, north = np.array([1.0, -1.0, 0.0]) / math.sqrt(2.0), np.array([1.0, 1.0, -2.0]) / math.sqrt(6.0)
     turned = nodes @ np.array([east, north, np.cross(east, north)]).T
     return _assemble("icosahedron6", parts.strut_m * turned, ICOSAHEDRON_SPRINGS, (0, 2, 4), parts)
@@ -90,7 +91,7 @@ BODIES: Mapping[str, Callable[[Parts], Body]] = {"prism3": prism3, "icosahedron6
 
 
 def make_body(name: str, parts: Parts) -> Body:
-    """Return the body that the command line calls ``name``. Raises ValueError for an unknown name."""
+    """Return the body called ``name``, a key of ``BODIES``. Raises ValueError for an unknown name."""
     if name not in BODIES:
         raise ValueError(unknown("body", name, BODIES))
     return BODIES[name](parts)

@@ -1,4 +1,4 @@
-"""A robot as a list of parts: struts, springs, motors; two robots; and damage as pure functions on a body.
+"""A robot as a list of parts: struts, springs, motors; and damage as pure functions on a body.
 
 Both twins build from the same ``Body``. Struts, springs and motors are indices here, counted from 0. People count them
 from 1: ``damaged`` reads such numbers. Strut ``i`` has the ends (nodes) ``2 * i`` (top) and ``2 * i + 1`` (bottom).
@@ -29,7 +29,13 @@ class Shape(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Strut:
-    """A stiff rod between two nodes. ``radius_m`` is half the side of a box; the mass is without its motor."""
+    """A stiff rod between two nodes.
+
+    Args:
+        radius_m: radius of a capsule, half the side of a box.
+        mass_kg: mass without the motor.
+        shape: cross-section.
+    """
 
     radius_m: float
     mass_kg: float
@@ -38,7 +44,14 @@ class Strut:
 
 @dataclass(frozen=True, slots=True)
 class Spring:
-    """A spring between two nodes: it pulls with ``stiffness * (distance - rest) + damping * speed of lengthening``."""
+    """A spring between two nodes, which pulls with stiffness * (distance - rest length) + damping * lengthening speed.
+
+    Args:
+        nodes: indices of the two nodes.
+        rest_m: rest length.
+        stiffness_n_m: stiffness.
+        damping_n_s_m: damping.
+    """
 
     nodes: tuple[int, int]
     rest_m: float
@@ -48,27 +61,34 @@ class Spring:
 
 @dataclass(frozen=True, slots=True)
 class ConstantForce:
-    """The thesis' motor: a force of one size at every frequency.
+    """The thesis' motor: a force of the same size at every frequency.
 
-    Below 1 Hz it fades in proportion, so that a motor at rest pushes nothing.
+    Below 1 Hz it fades in proportion to the frequency, so that a motor at rest exerts no force.
+
+    Args:
+        force_n: size of the force.
     """
 
     force_n: float
 
     def at(self, frequency_hz: Number) -> Number:
-        """Return the size of the force in newtons, for one frequency or an array of them."""
+        """Return the size of the force in newtons, for one frequency in Hz or an array of them."""
         fade: Number = np.minimum(1.0, abs(frequency_hz))
         return self.force_n * fade
 
 
 @dataclass(frozen=True, slots=True)
 class EccentricForce:
-    """A real vibration motor: a mass m_e at the radius r swings round, F = m_e r (2 pi f)^2."""
+    """A real vibration motor, with an eccentric mass m_e at the radius r: F = m_e r (2 pi f)^2.
+
+    Args:
+        mass_radius_kg_m: m_e r.
+    """
 
     mass_radius_kg_m: float
 
     def at(self, frequency_hz: Number) -> Number:
-        """Return the size of the force in newtons, for one frequency or an array of them."""
+        """Return the size of the force in newtons, for one frequency in Hz or an array of them."""
         return self.mass_radius_kg_m * (2.0 * math.pi * frequency_hz) ** 2
 
 
@@ -77,15 +97,15 @@ ForceLaw = ConstantForce | EccentricForce
 
 @dataclass(frozen=True, slots=True)
 class Motor:
-    """A motor at the middle of a strut, whose force goes round the strut.
+    """A motor at the middle of a strut, whose force rotates about the strut's axis.
 
     Args:
-        strut: the strut that carries it.
-        law: size of the force for a frequency.
-        mass_kg: its mass, beside the strut's own.
-        max_hz: the actual frequency never exceeds this; 0 for a motor that does not turn.
-        spin_up_s: time constant of the actual frequency's approach to the commanded one.
-        rotor_kg_m2: inertia of what turns; its speeding up turns the strut the other way.
+        strut: index of the strut that carries it.
+        law: size of the force as a function of frequency.
+        mass_kg: mass of the motor, which adds to the strut's own.
+        max_hz: limit of the actual frequency; 0 for a motor that does not turn.
+        spin_up_s: time constant with which the actual frequency approaches the commanded one.
+        rotor_kg_m2: inertia of the rotor; as it speeds up, the strut turns the other way.
     """
 
     strut: int
@@ -101,10 +121,10 @@ class Body:
     """A tensegrity robot.
 
     Args:
-        name: what the command line calls it.
-        nodes_m: strut ends at the design state, (2 * struts) points; the axis of symmetry is z and the least z is 0.
-        struts, springs, motors: its parts.
-        tension_only: whether springs pull and never push; else they do both (the thesis' Hooke law).
+        name: name on the command line.
+        nodes_m: strut ends in the design state, (2 * struts) points; z is the axis of symmetry and the lowest z is 0.
+        struts, springs, motors: parts of the robot.
+        tension_only: whether springs only pull; otherwise they pull and push (the thesis' Hooke law).
     """
 
     name: str
@@ -116,7 +136,7 @@ class Body:
 
     @property
     def masses_kg(self) -> Array:
-        """Masses of the struts with their motors, shape (struts,)."""
+        """Masses of the struts, each with its motors, shape (struts,)."""
         masses = np.array([strut.mass_kg for strut in self.struts])
         for motor in self.motors:
             masses[motor.strut] += motor.mass_kg
@@ -124,12 +144,12 @@ class Body:
 
     @property
     def node_shares(self) -> Array:
-        """Each strut end's share of the whole mass, shape (2 * struts,)."""
+        """Share of the whole mass that counts at each strut end, shape (2 * struts,): half of its strut's mass."""
         masses_kg = self.masses_kg
         return np.asarray(np.repeat(masses_kg, 2) / (2.0 * masses_kg.sum()))
 
     def centre_m(self, nodes_m: Array) -> Array:
-        """Return the centre of mass sum(m_i r_i) / sum(m_i), shape (3,), for nodes of shape (2 * struts, 3)."""
+        """Return the centre of mass sum(m_i r_i) / sum(m_i), shape (3,), of nodes in metres, shape (2 * struts, 3)."""
         return np.asarray(self.node_shares @ nodes_m)
 
     def structure(self, terrain: Terrain | None = None) -> Structure:
@@ -143,18 +163,18 @@ class Body:
 
 
 def snap(body: Body, springs: Iterable[int]) -> Body:
-    """Return the body without these springs. Raises ValueError for a spring that it has not."""
+    """Return the body without these springs (indices). Raises ValueError for a spring that the body does not have."""
     gone = {_check_index("spring", spring, len(body.springs)) for spring in springs}
     return replace(body, springs=tuple(spring for i, spring in enumerate(body.springs) if i not in gone))
 
 
 def lighten(body: Body, strut: int, factor: float) -> Body:
-    """Return the body with a strut of ``factor`` times its mass (0.2 to 1); its motor keeps its own mass.
+    """Return the body with a strut (index) of ``factor`` times its mass, 0.2 to 1; its motor keeps its own mass.
 
-    A strut that is lighter still would swing on its springs too fast for the twins' time steps.
+    A strut lighter than that would swing on its springs too fast for the twins' time steps.
 
     Raises:
-        ValueError: the body has no such strut, or the factor is out of range.
+        ValueError: the body does not have this strut, or the factor is out of range.
     """
     _check_index("strut", strut, len(body.struts))
     if not 0.2 <= factor <= 1.0:
@@ -164,7 +184,7 @@ def lighten(body: Body, strut: int, factor: float) -> Body:
 
 
 def disable(body: Body, motor: int) -> Body:
-    """Return the body with a motor that does not turn. Raises ValueError for a motor that it has not."""
+    """Return the body with a motor (index) that does not turn. Raises ValueError for a motor it does not have."""
     _check_index("motor", motor, len(body.motors))
     dead = replace(body.motors[motor], max_hz=0.0)
     return replace(body, motors=(*body.motors[:motor], dead, *body.motors[motor + 1 :]))
@@ -176,7 +196,7 @@ def apply_damage(body: Body, specs: Sequence[str]) -> Body:
     Numbers count from 1 and always mean the parts of the undamaged body, whatever the order of the specs.
 
     Raises:
-        ValueError: one line that names the spec, what is wrong with it and what is allowed.
+        ValueError: a spec is wrong; one line that names it, what is wrong with it and what is allowed.
     """
     snapped: set[int] = set()
     hurt = body

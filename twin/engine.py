@@ -1,4 +1,4 @@
-"""What a physics engine does for a twin. It knows no task, no score and no randomness."""
+"""The interface of a physics engine. An engine knows no task, no score and no randomness."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ from vvvaltr.twin.world import World
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """How the robot is put down: the centre's place on the ground, the heading and a small tilt.
+    """How the robot is put down.
 
-    The planar twin has no use for ``y_m`` and ``yaw_rad``.
+    Args:
+        x_m, y_m: place of the centre on the ground; the planar twin ignores y.
+        yaw_rad: heading, counter-clockwise from x; the planar twin ignores it.
+        pitch_rad: tilt, on top of the slope of the ground.
     """
 
     x_m: float = 0.0
@@ -29,58 +32,59 @@ LEVEL = Start()
 
 
 class Diverged(DeviceFault):
-    """The simulated state is no longer a motion: not finite, or with an energy that nothing could have put in."""
+    """The simulation broke down: its state is not finite, or has more energy than anything could have put in."""
 
     def __init__(self, message: str) -> None:
         super().__init__("diverged", message)
 
 
 class Engine(Protocol):
-    """Physics of one body in one world. The same calls after a reset give the same motion, bit for bit."""
+    """The physics of one body in one world. The same calls after a reset give the same motion, bit for bit."""
 
     @property
     def body(self) -> Body:
-        """The body, damage included."""
+        """The body, with its damage."""
         ...
 
     @property
     def world(self) -> World:
-        """The world."""
+        """The world that the body moves in."""
         ...
 
     @property
     def time_s(self) -> float:
-        """Simulated time since the reset."""
+        """Simulated time since the reset, in seconds."""
         ...
 
     def reset(self, start: Start = LEVEL) -> None:
-        """Put the settled robot down at ``start``, at rest, motors still, time 0."""
+        """Put the settled robot down at ``start``, at rest, with its motors off, and set the time to 0."""
         ...
 
     def step(self, gait: Gait, duration_s: float) -> None:
-        """Drive with ``gait`` for a while; what does not fill a time step is made up for in the next call.
+        """Drive with ``gait`` for ``duration_s``; the part that does not fill a time step is added to the next call.
 
-        The actual frequency follows the commanded one with each motor's lag and within its ``max_hz``. The force's
-        angle is the integral of the actual frequency plus the gait's phase, so a change of frequency never jumps it.
+        The actual frequency follows the commanded one with each motor's lag and within its ``max_hz``. The angle of the
+        force is the integral of the actual frequency plus the gait's phase, so it has no jump where the frequency
+        changes.
 
         Raises:
-            Diverged: the simulation broke down; only ``reset`` is possible now.
+            Diverged: the simulation broke down; from now on, only ``reset`` is possible.
             ValueError: the gait is for another number of motors.
         """
         ...
 
     def nodes_m(self) -> Array:
-        """Positions of the strut ends, shape (2 * struts, 3)."""
+        """Return the positions of the strut ends in metres, shape (2 * struts, 3)."""
         ...
 
     def angles_rad(self) -> tuple[float, float, float]:
-        """Yaw, pitch and roll of the robot as a whole against its settled posture; without jumps at half a turn."""
+        """Return yaw, pitch and roll of the whole robot against its settled posture, without jumps at half a turn."""
         ...
 
     def applied_hz(self) -> tuple[float, ...]:
-        """Return the actual frequency of each motor."""
+        """Return the actual frequency of each motor in Hz, with the sign of its rotation."""
         ...
 
     def forces(self) -> Forces | None:
-        """Return what pulls and pushes at the robot now; None where telling would cost more than the physics."""
+        """Return the forces on the robot now; None where computing them would take longer than the physics."""
         ...

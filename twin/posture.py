@@ -1,7 +1,7 @@
-"""Where rigid struts are in space, and how a robot as a whole is turned.
+"""Where rigid struts are in space, and how the whole robot is rotated.
 
 A posture is an array of shape (struts, 7): for each strut its middle in metres and the unit quaternion (w first) that
-turns z into its axis, bottom to top.
+rotates z into its axis, bottom to top.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def place_nodes(posture: Array, halves_m: Array) -> Array:
 
 
 def rotate_posture(posture: Array, angles_rad: Angles, about_m: Array) -> Array:
-    """Return the posture turned by yaw, pitch and roll (intrinsic z-y'-x'') about a point of shape (3,)."""
+    """Return the posture rotated by yaw, pitch and roll (intrinsic z-y'-x'') about a point of shape (3,), in metres."""
     (cy, sy), (cp, sp), (cr, sr) = ((cos(angle / 2.0), sin(angle / 2.0)) for angle in angles_rad)
     w, x = cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr
     y, z = cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr
@@ -37,12 +37,12 @@ def rotate_posture(posture: Array, angles_rad: Angles, about_m: Array) -> Array:
 
 
 def fit_rotation(nodes_m: Array, before_m: Array) -> Array:
-    """Return the rotation, shape (3, 3), that best carries nodes from ``before_m`` to ``nodes_m``, both (nodes, 3).
+    """Return the rotation, shape (3, 3), that carries nodes from ``before_m`` to ``nodes_m``, both (nodes, 3), best.
 
-    Best in the sense of least squares, after W. Kabsch, "A solution for the best rotation to relate two sets of
-    vectors", Acta Crystallographica A32 (1976).
+    It is the least-squares fit of W. Kabsch, "A solution for the best rotation to relate two sets of vectors", Acta
+    Crystallographica A32 (1976).
     """
-    # Taking the mean from one side is enough: it takes the other's along.
+    # Subtracting the mean on one side is enough: it removes the other side's from the product.
     left, _, right = np.linalg.svd((before_m - before_m.mean(axis=0)).T @ nodes_m)
     best = right.T @ left.T
     return np.asarray(best if _determinant(best) > 0.0 else right.T * [1.0, 1.0, -1.0] @ left.T)
@@ -54,9 +54,9 @@ def _determinant(matrix: Array) -> float:
 
 
 def continue_angles(rotation: Array, last_rad: Angles) -> Angles:
-    """Return yaw, pitch and roll (intrinsic z-y'-x'') of a rotation: of all that describe it, those next to the last.
+    """Return yaw, pitch and roll (intrinsic z-y'-x'') of a rotation: of all equivalent angles, those nearest the last.
 
-    So nothing jumps when yaw or roll pass half a turn, nor when the pitch of a rolling robot passes a quarter.
+    The angles therefore do not jump when yaw or roll pass 180 degrees, nor when the pitch of a rolling robot passes 90.
     """
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     pitch = math.atan2(-rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))

@@ -17,12 +17,12 @@ from vvvaltr.twin.world import sample_terrain
 
 
 class TwinRobot:
-    """``Robot`` on an engine. Each trial draws its scatter from (seed, trial, purpose) alone.
+    """``Robot`` on an engine. The scatter of each trial depends on (seed, trial, purpose) alone.
 
     Args:
         engine: the physics.
-        range_hz: the frequencies worth searching; the upper one is the most that may be asked of a motor.
-        seed: of all scatter.
+        range_hz: range of frequencies worth searching; its end is the highest that may be commanded.
+        seed: seed of the scatter.
         scatter: what differs from trial to trial.
     """
 
@@ -43,11 +43,11 @@ class TwinRobot:
 
     @property
     def structure(self) -> Structure:
-        """How to draw the robot, with its terrain."""
+        """What a viewer needs to draw the robot, with its terrain."""
         return self.engine.body.structure(sample_terrain(self.engine.world))
 
     def place(self, trial: int) -> None:
-        """Put the robot down afresh, with the scatter of this trial (>= 0). The clock goes on."""
+        """Put the robot down again, with the scatter of this trial, a number >= 0. The clock continues."""
         self.motors.stop()
         self._driven.engine.reset(self._scatter.draw_start(stream(self._seed, trial, "start")))
         motors = stream(self._seed, trial, "motors")
@@ -60,7 +60,7 @@ class TwinRobot:
 
 
 class _DrivenEngine:
-    """Twin time, and the command that is in force."""
+    """An engine, twin time, and the command in force."""
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
@@ -70,13 +70,13 @@ class _DrivenEngine:
         self.begin([1.0] * len(engine.body.motors))
 
     def begin(self, factors: Sequence[float]) -> None:
-        """Begin a trial, in which the motors turn so many times as fast as they are told to."""
+        """Begin a trial in which each motor turns at its factor times the commanded frequency."""
         self._factors = factors
         self._commanded = self._actual = self._rest
 
     def command(self, gait: Gait, hold_s: float) -> None:
         self.until_s = self.now_s + hold_s
-        if gait is not self._commanded:  # most commands of a trial are the one before
+        if gait is not self._commanded:  # most commands of a trial repeat the one before
             frequency_hz = tuple(map(operator.mul, gait.frequency_hz, self._factors))
             self._commanded, self._actual = gait, replace(gait, frequency_hz=frequency_hz)
 
@@ -90,22 +90,22 @@ class _DrivenEngine:
 
 
 class TwinClock:
-    """Twin time: it grows with ``sleep`` alone, over all trials."""
+    """Twin time. Only ``sleep`` advances it, from trial to trial."""
 
     def __init__(self, driven: _DrivenEngine) -> None:
         self._driven = driven
 
     def now_s(self) -> float:
-        """Seconds of twin time since the robot was made."""
+        """Return the seconds of twin time since the robot was made."""
         return self._driven.now_s
 
     def sleep(self, duration_s: float) -> None:
-        """Let the robot move for ``duration_s``. Raises Diverged when the physics breaks down."""
+        """Let the robot move for ``duration_s``. Raises Diverged where the physics breaks down."""
         self._driven.advance(duration_s)
 
 
 class TwinMotors:
-    """``MotorDriver`` of a twin. What is beyond a motor's limit is asked for in vain, as ``state`` shows."""
+    """``MotorDriver`` of a twin. A motor saturates at its limit; ``state`` shows the actual frequency."""
 
     quantities = frozenset(Quantity)
 
@@ -118,7 +118,7 @@ class TwinMotors:
         return len(self._driven.engine.body.motors)
 
     def drive(self, gait: Gait, hold_s: float) -> None:
-        """Apply ``gait`` for ``hold_s`` of twin time. Raises ValueError for another number of motors or a bad hold."""
+        """Apply ``gait`` for ``hold_s`` of twin time. Raises ValueError for other motors or a bad hold."""
         if gait.motor_count != self.motor_count:
             raise ValueError(f"a gait for {gait.motor_count} motors, but the twin has {self.motor_count}")
         if not (math.isfinite(hold_s) and hold_s > 0.0):
@@ -126,20 +126,20 @@ class TwinMotors:
         self._driven.command(gait, hold_s)
 
     def state(self) -> MotorState:
-        """Return the actual frequencies."""
+        """Return the actual frequencies in Hz, at this moment of twin time."""
         return MotorState(self._driven.now_s, self._driven.engine.applied_hz())
 
     def stop(self) -> None:
-        """Let the motors run down from now on. Idempotent."""
+        """Switch the motors off; they run down with their lag. Idempotent."""
         self._driven.until_s = self._driven.now_s
 
     def close(self) -> None:
-        """Stop. Idempotent."""
+        """Stop the motors. Idempotent."""
         self.stop()
 
 
 class TwinTracker:
-    """``Tracker`` of a twin: it sees the centre of mass and the strut ends, with seeded noise on each number."""
+    """``Tracker`` of a twin: it sees the centre of mass and the strut ends, with seeded noise on each coordinate."""
 
     def __init__(self, driven: _DrivenEngine, scatter: Scatter) -> None:
         self._driven = driven
@@ -149,7 +149,7 @@ class TwinTracker:
         self.random = stream(0, 0, "tracker")
 
     def pose(self) -> Pose:
-        """Return where the robot is now."""
+        """Return the robot's pose now, with the forces on it where the engine tells them."""
         engine = self._driven.engine
         nodes_m = engine.nodes_m()
         seen = np.concatenate([self._node_shares @ nodes_m, nodes_m.ravel(), engine.angles_rad()])

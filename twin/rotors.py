@@ -1,4 +1,4 @@
-"""The motors in motion: actual frequencies, the angles turned through, and the forces that come of them."""
+"""The motors in motion: their actual frequencies, their angles, and the forces that result."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.twin.body import Motor
 
-REACHED_WITHIN_HZ = 1e-6  # closer to the commanded frequency, a motor has reached it
+REACHED_WITHIN_HZ = 1e-6  # within this of its command, a motor counts as having reached it
 
 
 class Rotors:
@@ -20,7 +20,7 @@ class Rotors:
 
     Args:
         motors: the motors.
-        time_step_s: of the integration.
+        time_step_s: time step of the integration.
     """
 
     def __init__(self, motors: Sequence[Motor], time_step_s: float) -> None:
@@ -35,12 +35,12 @@ class Rotors:
         self._is_steady = False
 
     def spin(self, gait: Gait, steps: int) -> tuple[Array, NDArray[np.complex128]]:
-        """Turn for so many steps, at least one; return frequencies and forces at each, both of shape (steps, motors).
+        """Follow ``gait`` for ``steps`` time steps, at least one; return frequencies and forces, both (steps, motors).
 
-        A force is x + iy in the frame of its strut: F (sin a + i cos a) at the angle a, which is the integral of the
-        frequency plus the gait's phase.
+        Frequencies are in Hz. A force is x + iy in newtons in the frame of its strut: F (sin a + i cos a) at the angle
+        a, which is the integral of the frequency plus the gait's phase.
         """
-        if gait is not self._gait:  # most calls go on with the gait of the last
+        if gait is not self._gait:  # most calls continue with the gait of the last
             self._take(gait)
         step = np.arange(1, steps + 1)[:, None]
         if self._is_steady:
@@ -64,11 +64,11 @@ class Rotors:
         return bool(np.abs(self._target_hz - self.applied_hz).max() < REACHED_WITHIN_HZ)
 
     def _forces_n(self, hz: Array) -> NDArray[np.complex128]:
-        """Return the forces at the angle 0 and frequencies of shape (..., motors)."""
+        """Return the forces at the angle 0, for frequencies of shape (..., motors)."""
         return np.asarray(self._sizes_n(hz) * self._amplitude * 1j)
 
     def _sizes_n(self, hz: Array) -> Array:
-        """Return the sizes of the forces at frequencies of shape (..., motors)."""
+        """Return the sizes of the forces, for frequencies of shape (..., motors)."""
         if self._same_law:
             return np.asarray(self._laws[0].at(hz))
         return np.array([law.at(of_motor) for law, of_motor in zip(self._laws, hz.T, strict=True)]).T

@@ -1,4 +1,4 @@
-"""What is around the robot: gravity, friction and the ground."""
+"""The robot's surroundings: gravity, friction and the ground."""
 
 from __future__ import annotations
 
@@ -26,17 +26,21 @@ class Flat:
 
     @property
     def straight_m(self) -> float:
-        """Length over which the ground is as good as straight."""
+        """Length over which the ground is straight in effect, in metres."""
         return 100.0
 
     def at(self, x_m: Array, y_m: Array) -> Array:
-        """Return the heights in metres at points of the plane."""
+        """Return the heights in metres at points of the plane, arrays that broadcast against each other."""
         return 0.0 * (x_m + y_m)
 
 
 @dataclass(frozen=True, slots=True)
 class Slope:
-    """Ground that rises by ``angle_rad`` towards positive x, of height 0 at the origin."""
+    """Ground that rises towards positive x, with height 0 at the origin.
+
+    Args:
+        angle_rad: angle of the slope.
+    """
 
     angle_rad: float = 0.05
 
@@ -45,22 +49,22 @@ class Slope:
 
     @property
     def straight_m(self) -> float:
-        """Length over which the ground is as good as straight."""
+        """Length over which the ground is straight in effect, in metres."""
         return 100.0
 
     def at(self, x_m: Array, y_m: Array) -> Array:
-        """Return the heights in metres at points of the plane."""
+        """Return the heights in metres at points of the plane, arrays that broadcast against each other."""
         return math.tan(self.angle_rad) * (x_m + 0.0 * y_m)
 
 
 @dataclass(frozen=True, slots=True)
 class Hills:
-    """Rolling ground: three waves, roughly 60 degrees apart, of height 0 at the origin.
+    """Rolling ground: the sum of three waves, roughly 60 degrees apart, with height 0 at the origin.
 
     Args:
-        height_m: the most that a peak can lie above a valley.
+        height_m: greatest possible height of a peak above a valley.
         wavelength_m: mean length of the waves.
-        seed: of the waves' phases, lengths and directions.
+        seed: seed of the waves' phases, lengths and directions.
     """
 
     height_m: float = 0.006
@@ -74,11 +78,11 @@ class Hills:
 
     @property
     def straight_m(self) -> float:
-        """Length over which the ground is as good as straight."""
+        """Length over which the ground is straight in effect, in metres."""
         return self.wavelength_m / 20.0
 
     def at(self, x_m: Array, y_m: Array) -> Array:
-        """Return the heights in metres at points of the plane."""
+        """Return the heights in metres at points of the plane, arrays that broadcast against each other."""
         random = stream(self.seed, 0, "hills")
         heights = 0.0 * (x_m + y_m)
         for direction in (0.0, math.pi / 3.0, -math.pi / 3.0):
@@ -98,9 +102,9 @@ class World:
     """Where a twin moves.
 
     Args:
-        gravity_m_s2: downwards.
+        gravity_m_s2: acceleration of gravity, downwards.
         friction: Coulomb coefficient between robot and ground.
-        ground: the shape of the ground.
+        ground: shape of the ground.
     """
 
     gravity_m_s2: float = 9.81
@@ -112,7 +116,7 @@ class World:
         _check_range("friction", self.friction, 0.0, 10.0)
 
     def height_m(self, x_m: Array, y_m: Array) -> Array:
-        """Return the ground's heights at points of the plane, arrays that broadcast against each other."""
+        """Return the ground's heights in metres at points of the plane, arrays that broadcast against each other."""
         return self.ground.at(np.asarray(x_m, dtype=np.float64), np.asarray(y_m, dtype=np.float64))
 
 
@@ -120,7 +124,7 @@ PLAIN = World()
 
 
 def sample_terrain(world: World, half_width_m: float = 0.5) -> types.Terrain:
-    """Return the ground around the origin as a square grid for a viewer."""
+    """Return the ground around the origin, to ``half_width_m`` on each side, as a square grid for a viewer."""
     points = 1 + max(1, math.ceil(2.0 * half_width_m / world.ground.straight_m))
     line = np.linspace(-half_width_m, half_width_m, points)
     heights = world.height_m(line[:, None], line[None, :])
@@ -131,10 +135,15 @@ GROUNDS: dict[str, Callable[..., Ground]] = {"flat": Flat, "hills": Hills, "slop
 
 
 def parse_world(text: str, gravity_m_s2: float | None = None, friction: float | None = None) -> World:
-    """Return the world that the command line writes as ``flat``, ``hills:height_m=0.004,seed=3``, ``slope`` ...
+    """Return the world that the command line writes as ``flat``, ``hills:height_m=0.004,seed=3`` or ``slope``.
+
+    Args:
+        text: kind of ground and its settings.
+        gravity_m_s2: gravity; None for the usual 9.81.
+        friction: Coulomb coefficient; None for the usual 0.5.
 
     Raises:
-        ValueError: one line that names what is wrong and what is allowed.
+        ValueError: the text or a value is wrong; one line that names what is wrong and what is allowed.
     """
     given = {"gravity_m_s2": gravity_m_s2, "friction": friction}
     ground = _ground(text)

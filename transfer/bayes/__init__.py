@@ -1,1 +1,1 @@
-"""What the methods are built of: the Gaussian process, its scale, acquisition and search; knows no robot."""
+"""What the methods are built of: Gaussian process, scale, acquisition and search. Nothing here knows a robot."""

@@ -1,4 +1,4 @@
-"""What makes a gait worth trying, and where in the unit cube that is greatest."""
+"""How much a gait is worth trying, and where in the unit cube that is greatest."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LOG_ROOT_2_PI = 0.5 * math.log(2.0 * math.pi)
 
 
 class Posterior(Protocol):
-    """What a model believes of the function at places of the unit cube, without noise."""
+    """A model's belief about a function on the unit cube, without the noise of observations."""
 
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Return mean (m,) and variance (m,) at places (m, d)."""
@@ -35,7 +35,7 @@ class Posterior(Protocol):
 
 
 class Acquisition(Protocol):
-    """A quantity to be maximised over the unit cube."""
+    """A quantity to maximise over the unit cube."""
 
     def value(self, x: Array) -> Array:
         """Return the values (m,) at places (m, d)."""
@@ -48,17 +48,17 @@ class Acquisition(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LogExpectedImprovement:
-    """log E[max(m - incumbent, 0)], with m the posterior mean that a trial at the place would leave there.
+    """log E[max(m - incumbent, 0)], where m is the posterior mean at a place after one more trial there.
 
-    Before the trial m is normal around the present mean, with s^2 = variance^2 / (variance + noise variance) (the
-    expected quantile improvement of Picheny et al. 2013, for the median). Without noise this is the usual expected
-    improvement; with noise a place that is well known promises little, and is not tried again and again. With
-    z = (mean - incumbent) / s it is log s + log h(z), see ``log_h``, which never underflows (Ament et al. 2023).
+    Before that trial, m has a normal distribution around the present mean with s^2 = variance^2 / (variance + noise
+    variance): the expected quantile improvement of Picheny et al. (2013) for the median. Without noise this is the
+    usual expected improvement. With noise, a well-known place promises little, so it is not tried again and again. The
+    value is log s + log h(z) with z = (mean - incumbent) / s, see ``log_h``; it never underflows (Ament et al. 2023).
 
     Args:
-        posterior: what is believed of the function.
-        incumbent: what should be improved upon.
-        noise_variance: of the trial's observation.
+        posterior: belief about the function.
+        incumbent: value to improve upon.
+        noise_variance: noise variance of the trial's observation.
     """
 
     posterior: Posterior
@@ -85,7 +85,11 @@ class LogExpectedImprovement:
 
 @dataclass(frozen=True, slots=True)
 class PosteriorMean:
-    """The posterior mean: where it is greatest is the gait to recommend."""
+    """The posterior mean. The gait to recommend is the one where it is greatest.
+
+    Args:
+        posterior: belief about the function.
+    """
 
     posterior: Posterior
 
@@ -102,9 +106,9 @@ class PosteriorMean:
 def log_h(z: Array) -> tuple[Array, Array]:
     """Return log h(z) and its derivative, with h(z) = phi(z) + z Phi(z) of the standard normal distribution.
 
-    Below z = -10, with t = -z, h(z) = phi(z) c / (t + c), where c = 1 / (t + 2 / (t + 3 / (t + ...))) is the tail of
-    the continued fraction of Mills' ratio (Abramowitz and Stegun 26.2.14): no difference of nearly equal numbers is
-    taken. The derivative is 1 / c.
+    Below z = -10, with t = -z, it is computed as h(z) = phi(z) c / (t + c), where c = 1 / (t + 2 / (t + 3 / (t + ...)))
+    is the tail of the continued fraction of Mills' ratio (Abramowitz and Stegun 26.2.14). This avoids the difference of
+    nearly equal numbers in the definition. The derivative of log h is then 1 / c.
     """
     log_value, slope = np.empty_like(z), np.empty_like(z)
     far = z < -10.0
@@ -122,14 +126,14 @@ def log_h(z: Array) -> tuple[Array, Array]:
 
 
 def maximise(acquisition: Acquisition, around: Array, rng: np.random.Generator) -> Array:
-    """Return the place (d,) of the unit cube where an acquisition is greatest, as far as a short search can tell.
+    """Return the place (d,) of the unit cube where an acquisition is greatest, as far as a short search finds it.
 
-    A scan of random places, half as wide again near the places ``around``, then gradient ascent from the best of them.
+    The search scans random places, some of them near the places ``around``, and then climbs from the best of them.
 
     Args:
-        acquisition: what to maximise.
-        around: (k, d) promising places, k >= 1; those in the cube are candidates themselves.
-        rng: where the random places come from.
+        acquisition: quantity to maximise.
+        around: promising places (k, d), k >= 1. They are candidates themselves, moved into the cube where outside it.
+        rng: random stream of the places to scan.
     """
     dimension = around.shape[1]
     near = around[rng.integers(len(around), size=NEAR_PLACES)] + rng.normal(0.0, NEAR_SD, (NEAR_PLACES, dimension))
@@ -139,11 +143,14 @@ def maximise(acquisition: Acquisition, around: Array, rng: np.random.Generator) 
 
 
 def _ascend(acquisition: Acquisition, x: Array) -> Array:
-    """Return the best of places (m, d) after some steps uphill from each, all in one batch."""
+    """Return the best place (d,) after some steps uphill from each of the places (m, d), all in one batch.
+
+    A step that climbs is kept and the next one is longer; a step that does not is undone and the next one is shorter.
+    """
     value, gradient = acquisition.value_and_gradient(x)
     reach = np.full(len(x), FIRST_STEP)
     for _ in range(ASCENT_STEPS):
-        # What points out of the cube is cut off, so that the step is spent along its faces.
+        # On a face of the cube, the outward part of the gradient is dropped, so that the step follows the face.
         uphill = np.where(((x <= 0.0) & (gradient < 0.0)) | ((x >= 1.0) & (gradient > 0.0)), 0.0, gradient)
         length = np.maximum(np.linalg.norm(uphill, axis=1), 1e-300)
         trial = np.clip(x + (reach / length)[:, None] * uphill, 0.0, 1.0)

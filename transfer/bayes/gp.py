@@ -16,24 +16,26 @@ from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.bayes.minimise import minimise
 
 JITTER = 1e-6
-"""Share of the signal variance that is added to the kernel's diagonal, so that equal places keep it invertible."""
+"""Share of the signal variance added to the kernel's diagonal, so that equal places leave it invertible."""
 
+NOISE_MEDIAN, LOG_NOISE_SD = 0.3, 1.0
+"""Prior of the noise variance: its median, and the standard deviation of its logarithm."""
 
-NOISE, NOISE_SD = 0.3, 1.0
-"""Prior of the noise variance's logarithm: its median and its standard deviation."""
+BLOCK_PLACES = 128
+"""Places predicted at a time; the matrices of a block stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True)
 class Observations:
-    """What a process is fitted to. The noise variance of value i is ``given[i] + share[i] * noise_variance``.
+    """Data to fit a process to. The noise variance of value i is ``given[i] + share[i] * noise_variance``.
 
     Args:
-        x: (n, d) places, about in the unit cube.
-        y: (n,) values, about of mean 0 and variance 1.
-        given: (n,) known part of each value's noise variance.
-        share: (n,) how much of the learned noise variance each value has.
-        coupling: (n, n) correlation, at the same place, of the functions that two values are of; 1 for one function.
-        loading: (n,) the same of the function that a value is of and the one to predict.
+        x: places (n, d), roughly in the unit cube.
+        y: values (n,), roughly with mean 0 and variance 1.
+        given: known part (n,) of each value's noise variance.
+        share: factor (n,) of the learned noise variance in each value's noise variance.
+        coupling: correlation (n, n), at one place, between the functions that two values belong to; 1 for one function.
+        loading: correlation (n,), at one place, between the function that a value belongs to and the one to predict.
     """
 
     x: Array
@@ -45,13 +47,19 @@ class Observations:
 
     @classmethod
     def alike(cls, x: Array, y: Array) -> Observations:
-        """Return observations that all have the learned noise variance and no other."""
+        """Return observations that all have the learned noise variance and no other noise."""
         return cls(x, y, np.zeros(len(y)), np.ones(len(y)))
 
 
 @dataclass(frozen=True, slots=True)
 class Hyperparameters:
-    """Of the kernel and the noise: length scales (d,) in the unit of x, variances in the squared unit of y."""
+    """The hyperparameters of kernel and noise.
+
+    Args:
+        length_scale: length scales (d,) of the kernel, in the unit of x.
+        signal_variance: variance of the function, in the squared unit of y.
+        noise_variance: variance of the noise, in the squared unit of y.
+    """
 
     length_scale: Array
     signal_variance: float
@@ -59,30 +67,35 @@ class Hyperparameters:
 
     @classmethod
     def from_logs(cls, logs: Array) -> Hyperparameters:
-        """Return the hyperparameters with the natural logarithms (d + 2,): length scales, signal, noise variance."""
+        """Return the hyperparameters from their logarithms (d + 2,): length scales, signal and noise variance."""
         numbers = np.exp(logs)
         return cls(numbers[:-2], float(numbers[-2]), float(numbers[-1]))
 
     @property
     def logs(self) -> Array:
-        """The natural logarithms (d + 2,)."""
+        """The natural logarithms (d + 2,): length scales, signal and noise variance."""
         return np.asarray(np.log(np.append(self.length_scale, [self.signal_variance, self.noise_variance])))
 
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """Independent normal distributions of the hyperparameters' logarithms: means and deviations, (d + 2,) each."""
+    """Independent normal distributions of the hyperparameters' natural logarithms.
+
+    Args:
+        mean: means (d + 2,).
+        sd: standard deviations (d + 2,).
+    """
 
     mean: Array
     sd: Array
 
     @classmethod
     def of(cls, dimension: int) -> Prior:
-        """Return the default: length scales about 0.3 in three dimensions and longer in more, and much noise."""
+        """Return the usual prior: length scales near 0.3 in three dimensions and longer in more, and much noise."""
         length = math.log(0.3) + 0.5 * math.log(dimension / 3)
         return cls(
-            np.array([length] * dimension + [0.0, math.log(NOISE)]),
-            np.array([0.7] * dimension + [1.0, NOISE_SD]),
+            np.array([length] * dimension + [0.0, math.log(NOISE_MEDIAN)]),
+            np.array([0.7] * dimension + [1.0, LOG_NOISE_SD]),
         )
 
 
@@ -91,10 +104,10 @@ class GaussianProcess:
     """A posterior over functions, conditioned on observations.
 
     Args:
-        observations: what it is conditioned on.
-        hyperparameters: what it is conditioned under.
-        inverse_root: (n, n) inverse of the lower Cholesky factor of the observations' covariance.
-        weights: (n,) inverse covariance times y.
+        observations: observations that it is conditioned on.
+        hyperparameters: hyperparameters of kernel and noise.
+        inverse_root: inverse (n, n) of the lower Cholesky factor of the observations' covariance.
+        weights: inverse covariance times y, (n,).
     """
 
     observations: Observations
@@ -104,25 +117,25 @@ class GaussianProcess:
 
     @classmethod
     def condition(cls, observations: Observations, hyperparameters: Hyperparameters) -> GaussianProcess:
-        """Return the posterior under given hyperparameters."""
+        """Return the posterior under given hyperparameters. Raises LinAlgError where they are degenerate."""
         covariance, _ = _covariance(observations, hyperparameters, _squared_differences(observations.x))
         inverse_root = np.linalg.inv(np.linalg.cholesky(covariance))
         return cls(observations, hyperparameters, inverse_root, inverse_root.T @ (inverse_root @ observations.y))
 
     def log_evidence(self, given: int = 0) -> float:
-        """Return the log probability of the observed values under the hyperparameters and the first ``given`` of them.
+        """Return the log probability of the observed values, given the hyperparameters and the first ``given`` values.
 
-        Up to a constant of their number. The inverse root is lower triangular: its row i makes of y_i the standardised
-        surprise that it is after those before it.
+        It leaves out a constant that depends on the number of values alone. The inverse root is lower triangular: its
+        row i turns y_i into its standardised deviation from what the values before it predict.
         """
-        surprises = self.inverse_root[given:] @ self.observations.y
-        return float(np.log(self.inverse_root.diagonal()[given:]).sum() - 0.5 * surprises @ surprises)
+        deviations = self.inverse_root[given:] @ self.observations.y
+        return float(np.log(self.inverse_root.diagonal()[given:]).sum() - 0.5 * deviations @ deviations)
 
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Return mean (m,) and variance (m,) of the function without noise at places (m, d)."""
         mean, variance = np.empty(len(x)), np.empty(len(x))
-        # In blocks that stay in the processor's cache: twice as fast for a scan of some hundred places.
-        for block in (slice(start, start + 128) for start in range(0, len(x), 128)):
+        # Blocks that stay in the processor's cache halve the time for a scan of some hundred places.
+        for block in (slice(start, start + BLOCK_PLACES) for start in range(0, len(x), BLOCK_PLACES)):
             kernel, _ = self._kernel(x[block])
             mean[block], variance[block] = kernel @ self.weights, self._variance(kernel @ self.inverse_root.T)
         return mean, variance
@@ -136,7 +149,7 @@ class GaussianProcess:
         return kernel @ self.weights, self._variance(projected), mean_gradient, variance_gradient
 
     def _kernel(self, x: Array) -> tuple[Array, Array]:
-        """Return the kernel (m, n) of places (m, d) and the observations, and ``rise``, see ``_matern``, coupled."""
+        """Return the kernel (m, n) between places (m, d) and observations, and ``rise`` of ``_matern``, coupled."""
         length = self.hyperparameters.length_scale
         left, right = x / length, self.observations.x / length
         squares = (left**2).sum(axis=1)[:, None] + (right**2).sum(axis=1) - 2.0 * left @ right.T
@@ -158,9 +171,9 @@ def fit(observations: Observations, prior: Prior, starts: Iterable[Array]) -> Ga
     """Return the posterior under the most probable hyperparameters that a search from each of ``starts`` finds.
 
     Args:
-        observations: at least one.
-        prior: of the hyperparameters.
-        starts: logarithms of hyperparameters, (d + 2,) each; at least one.
+        observations: data to fit, at least one value.
+        prior: prior of the hyperparameters.
+        starts: natural logarithms (d + 2,) of the hyperparameters to start from, at least one set.
     """
     improbability = Improbability(observations, prior, _squared_differences(observations.x))
     # In units of the prior's standard deviations, where the prior alone has the identity as its Hessian.
@@ -177,9 +190,9 @@ class Improbability:
     """Minus the log of likelihood times prior, up to a constant, as a function of ``(logs - prior.mean) / prior.sd``.
 
     Args:
-        observations: at least one.
-        prior: of the hyperparameters.
-        squares: (d, n * n) squared differences of the observations' places.
+        observations: data to fit, at least one value.
+        prior: prior of the hyperparameters.
+        squares: squared differences (d, n * n) of the observations' places.
     """
 
     observations: Observations
@@ -187,7 +200,7 @@ class Improbability:
     squares: Array
 
     def __call__(self, standardised: Array) -> tuple[float, Array]:
-        """Return value and gradient (d + 2,) at a place (d + 2,); the value is infinite where it cannot be computed."""
+        """Return value and gradient (d + 2,) at a place (d + 2,). The value is infinite where it cannot be computed."""
         observations, hyperparameters = self.observations, self._hyperparameters(standardised)
         covariance, rise = _covariance(observations, hyperparameters, self.squares)
         try:
@@ -198,7 +211,7 @@ class Improbability:
         weights = inverse @ observations.y
         misfit = float(observations.y @ weights)
         value = 0.5 * misfit + float(np.log(root.diagonal()).sum())
-        # Twice the derivative of the value by each entry of the covariance.
+        # Twice the derivative of the value with respect to each entry of the covariance.
         sensitivity = inverse - np.outer(weights, weights)
         by_length = _length_factors(hyperparameters) * (self.squares @ (sensitivity.ravel() * rise))
         by_noise = hyperparameters.noise_variance * float(sensitivity.diagonal() @ observations.share)
@@ -209,9 +222,10 @@ class Improbability:
         return value + 0.5 * float(standardised @ standardised), gradient * self.prior.sd + standardised
 
     def information(self, standardised: Array) -> Array:
-        """Return the Hessian (d + 2, d + 2) to be expected at a place: Fisher's information, and the prior's identity.
+        """Return the expected Hessian (d + 2, d + 2) at a place: Fisher's information plus the prior's identity.
 
-        Its entries are trace(C^-1 dC_i C^-1 dC_j) / 2, with dC_i the covariance's derivative by hyperparameter i.
+        Fisher's information has the entries trace(C^-1 dC_i C^-1 dC_j) / 2, where dC_i is the derivative of the
+        covariance C with respect to hyperparameter i.
         """
         hyperparameters, places = self._hyperparameters(standardised), len(self.observations.y)
         covariance, rise = _covariance(self.observations, hyperparameters, self.squares)
@@ -228,18 +242,18 @@ class Improbability:
 
 
 def _length_factors(hyperparameters: Hyperparameters) -> Array:
-    """Return the factors (d,) that make squared differences times ``rise`` the kernel's derivatives by log length."""
+    """Return the factors (d,) from squared differences times ``rise`` to the kernel's derivatives by log length."""
     return 5.0 / 3.0 * hyperparameters.signal_variance / hyperparameters.length_scale**2
 
 
 def _squared_differences(x: Array) -> Array:
-    """Return the squared differences of all pairs of places (n, d), per parameter: (d, n * n)."""
+    """Return the squared differences (d, n * n) between all pairs of places (n, d), parameter by parameter."""
     differences = x.T[:, :, None] - x.T[:, None, :]
     return (differences**2).reshape(x.shape[1], -1)
 
 
 def _covariance(observations: Observations, hyperparameters: Hyperparameters, squares: Array) -> tuple[Array, Array]:
-    """Return the observations' covariance (n, n), and ``rise`` (n * n,), see ``_matern``, times the coupling."""
+    """Return the observations' covariance (n, n), and ``rise`` (n * n,) of ``_matern`` times the coupling."""
     places = len(observations.y)
     correlation, rise = _matern(hyperparameters.length_scale**-2 @ squares)
     coupling = observations.coupling
@@ -250,7 +264,7 @@ def _covariance(observations: Observations, hyperparameters: Hyperparameters, sq
 
 
 def _matern(squares: Array) -> tuple[Array, Array]:
-    """Return the correlation at scaled squared distances, and ``rise``: its derivative there is -5/6 ``rise``."""
+    """Return the correlation at scaled squared distances, and ``rise``: the correlation's derivative is -5/6 of it."""
     distance = np.sqrt(5.0 * squares)
     decay = np.exp(-distance)
     rise = (1.0 + distance) * decay

@@ -1,4 +1,4 @@
-"""Scores in the unit in which a model sees them."""
+"""The scale on which a model sees scores."""
 
 from __future__ import annotations
 
@@ -10,15 +10,21 @@ from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Estimate
 
 ALMOST_LINEAR = 1e4
+"""Bend of a linear scale, in mean sizes of its scores."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """A map that is linear for small scores and logarithmic for large ones of either sign.
+    """A map that is linear for small scores and logarithmic for large scores of either sign.
 
         score = bend * sinh(centre + spread * standardised value)
 
-    A robot's scores scatter the more the greater they are; beyond ``bend`` the map makes that scatter even.
+    The greater a robot's scores, the more they scatter. Beyond ``bend`` the map makes that scatter even.
+
+    Args:
+        bend: score at which the map turns from linear to logarithmic.
+        centre: mean of arcsinh(score / bend).
+        spread: standard deviation of arcsinh(score / bend).
     """
 
     bend: float
@@ -27,15 +33,15 @@ class Scale:
 
     @classmethod
     def of(cls, scores: Array) -> Scale:
-        """Return the scale that bends at the mean size of scores (n,), n >= 1; on it they have mean 0 and variance 1.
+        """Return the scale on which scores (n,), n >= 1, have mean 0 and variance 1; it bends at their mean size.
 
-        Scores that are all equal are measured in their own size, so that one score of 0.02 is not taken for 0.02 +- 1.
+        Scores that are all equal are measured in their own size: one score of 0.02 does not mean 0.02 +- 1.
         """
         return cls._bent(scores, _size(scores))
 
     @classmethod
     def linear(cls, scores: Array) -> Scale:
-        """Return the scale that does not bend within reach of scores (n,), n >= 1: an affine map."""
+        """Return the scale that does not bend near scores (n,), n >= 1: in effect an affine map."""
         return cls._bent(scores, ALMOST_LINEAR * _size(scores))
 
     @classmethod
@@ -45,7 +51,7 @@ class Scale:
         return cls(bend, centre, spread if spread > 1e-9 * _size(values) else _size(values))
 
     def standardise(self, scores: Array) -> Array:
-        """Return scores (n,) on this scale."""
+        """Return the standardised values (n,) of scores (n,)."""
         return np.asarray((np.arcsinh(scores / self.bend) - self.centre) / self.spread)
 
     def scores(self, standardised: Array) -> Array:
@@ -53,22 +59,22 @@ class Scale:
         return np.asarray(self.bend * np.sinh(self.centre + self.spread * standardised))
 
     def unit(self, standardised: float = 0.0) -> float:
-        """Return how much the score grows with the standardised value there; without one, in the middle."""
+        """Return the derivative of the score with respect to the standardised value, at a standardised value."""
         return self.bend * self.spread * float(np.cosh(self.centre + self.spread * standardised))
 
     def estimates(
         self, mean: Array, variance: Array, noise_variance: float, widening: float = 1.0
     ) -> tuple[Estimate, ...]:
-        """Return beliefs about means of scores over their noise, with 95 % intervals.
+        """Return estimates (m of them) of mean scores, averaged over the noise of a trial, with 95 % intervals.
 
-        A value m with the noise variance n^2 has the mean score bend * sinh(m) * exp(n^2 / 2), and if m is itself
-        normal with variance s^2 this is bend * sinh(E[m]) * exp((s^2 + n^2) / 2) on average.
+        A value m with the noise variance n^2 has the mean score bend * sinh(m) * exp(n^2 / 2). If m itself has a normal
+        distribution with variance s^2, its average is bend * sinh(E[m]) * exp((s^2 + n^2) / 2).
 
         Args:
-            mean: (m,) of the standardised values.
-            variance: (m,) of the same, without noise.
-            noise_variance: of a standardised score.
-            widening: factor of the interval's width, for what else is uncertain.
+            mean: means (m,) of the standardised values.
+            variance: variances (m,) of the standardised values, without noise.
+            noise_variance: noise variance of a standardised score.
+            widening: factor of the intervals' width, for uncertainty that the variances leave out.
         """
         middle, sd = self.centre + self.spread * mean, self.spread * np.sqrt(variance)
         factor = self.bend * np.exp(0.5 * self.spread**2 * noise_variance)
@@ -79,6 +85,6 @@ class Scale:
 
 
 def _size(values: Array) -> float:
-    """Return the mean size of values (n,), 1 if all are 0; found so that it neither over- nor underflows."""
+    """Return the mean size of values (n,), 1 if all are 0. Dividing by the largest avoids over- and underflow."""
     largest = float(np.abs(values).max())
     return largest * float(np.abs(values / largest).mean()) if largest > 0.0 else 1.0

@@ -1,1 +1,1 @@
-"""The methods of learning: one file each, one row each in the registry."""
+"""The methods of learning: one file and one row of the registry each."""

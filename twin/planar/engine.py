@@ -1,7 +1,7 @@
 """The planar twin: a robot in the vertical plane x-z, on pymunk. Light enough for the robot's own computer.
 
 A body is laid into the plane as it is seen along its axis of symmetry, see ``plane.flatten``. The forces of its
-motors turn in that plane, in the frame of their strut.
+motors rotate in that plane, in the frame of their strut.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from vvvaltr.twin.rotors import Rotors
 from vvvaltr.twin.world import World
 
 FORMING_S, SETTLING_S = 1.0, 2.0
+"""Simulated time in which a body finds its form without gravity, and then comes to rest on the ground."""
 
 
 def choose_time_step_s(body: Body) -> float:
-    """Return the time step at which gaits rank as they do at finer ones: 2 ms for three struts, 1 ms for more."""
+    """Return the time step in seconds: 2 ms for three struts, 1 ms for more. Gaits rank as they do at finer steps."""
     return 0.002 if len(body.struts) <= 3 else 0.001
 
 
@@ -31,8 +32,12 @@ class PlanarEngine:
     """``Engine`` in the vertical plane y = 0. Yaw and roll are 0; the rotation in the plane is the pitch.
 
     Args:
-        body, world: what moves where.
-        time_step_s: of the integration; 0 for ``choose_time_step_s``.
+        body: body that moves.
+        world: world that it moves in.
+        time_step_s: time step of the integration; 0 for ``choose_time_step_s``.
+
+    Raises:
+        Diverged: the body cannot even be put down.
     """
 
     def __init__(self, body: Body, world: World, time_step_s: float = 0.0) -> None:
@@ -44,7 +49,7 @@ class PlanarEngine:
         self.reset()
 
     def reset(self, start: Start = LEVEL) -> None:
-        """See ``Engine``. The space is a new one: what the old one remembers of contacts would change the motion."""
+        """See ``Engine``. The space is made anew: the contacts that the old one remembers would change the motion."""
         posture = _put_down(self._settled, flatten(self.body).lengths_m, start, self.world)
         self._plane = Plane(self.body, self.world, posture, self.time_step_s)
         self._rotors = Rotors(self.body.motors, self.time_step_s)
@@ -87,12 +92,12 @@ class PlanarEngine:
         return tuple(self._rotors.applied_hz.tolist())
 
     def forces(self) -> None:
-        """See ``Engine``. Asking pymunk for each contact would take as long as the steps from pose to pose."""
+        """See ``Engine``. None: asking pymunk for each contact takes as long as the steps to the next pose."""
 
 
 @lru_cache(maxsize=64)
 def _settle(body: Body, gravity_m_s2: float, friction: float, time_step_s: float) -> Posture:
-    """Return the posture in which the body stands on level ground: first it finds its form, weightless."""
+    """Return the posture in which the body stands on level ground, formed without gravity first."""
     layout = flatten(body)
     floating = Plane(body, World(gravity_m_s2=0.0), layout.posture.move(0.0, 0.0, 1.0), time_step_s)
     formed = _leave_alone(floating, round(FORMING_S / time_step_s))
@@ -109,7 +114,7 @@ def _leave_alone(plane: Plane, steps: int) -> Posture:
 
 
 def _put_down(settled: Posture, lengths_m: Array, start: Start, world: World) -> Posture:
-    """Return the settled posture at ``start``, with its lowest node as near to the ground as on level ground."""
+    """Return the settled posture at ``start``, with its lowest node as far from the ground as on level ground."""
     placed = settled.move(-start.pitch_rad, start.x_m - float(settled.middles_m[:, 0].mean()), 0.0)
     nodes = placed.nodes_m(lengths_m)
     gap_m = np.min(nodes[:, 1] - world.height_m(nodes[:, 0], np.zeros(1)))

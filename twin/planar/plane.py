@@ -22,34 +22,45 @@ if TYPE_CHECKING:
 
 
 SOLVER_ITERATIONS = 10
-PENETRATION_M = 1e-4  # depth to which things may sink into each other; pymunk's own 0.1 is meant for pixels
-MOST_KINETIC_J = 20.0  # of motion: the whole robot at 22 m/s; strong gaits reach some thousandths
+PENETRATION_M = 1e-4  # depth to which shapes may sink into each other; pymunk's default of 0.1 is meant for pixels
+MOST_KINETIC_J = 20.0  # the whole robot at 22 m/s; strong gaits reach some thousandths of it
 GROUND_THICKNESS_M = 0.02  # thickness of the ground
 
 
 @dataclass(frozen=True, slots=True)
 class Posture:
-    """Where the struts are: middles in the plane, shape (struts, 2), and angles of bottom to top, shape (struts,)."""
+    """Where the struts are in the plane.
+
+    Args:
+        middles_m: x and z of their middles, (struts, 2).
+        angles_rad: angles of their axes, bottom to top, from x towards z, (struts,).
+    """
 
     middles_m: Array
     angles_rad: Array
 
     def nodes_m(self, lengths_m: Array) -> Array:
-        """Return the strut ends, shape (2 * struts, 2), for struts of these lengths."""
+        """Return x and z of the strut ends in metres, (2 * struts, 2), for struts of these lengths (struts,)."""
         along = np.stack([np.cos(self.angles_rad), np.sin(self.angles_rad)], axis=1) * lengths_m[:, None] / 2.0
         return np.stack([self.middles_m + along, self.middles_m - along], axis=1).reshape(-1, 2)
 
-    def move(self, turn_rad: float, x_m: float, z_m: float) -> Posture:
-        """Return the posture turned about its centre, from x to z, and then shifted."""
-        cos, sin = math.cos(turn_rad), math.sin(turn_rad)
+    def move(self, angle_rad: float, x_m: float, z_m: float) -> Posture:
+        """Return the posture rotated about its centre, from x towards z, and then shifted."""
+        cos, sin = math.cos(angle_rad), math.sin(angle_rad)
         centre = self.middles_m.mean(axis=0)
         middles = (self.middles_m - centre) @ np.array([[cos, sin], [-sin, cos]]) + centre + [x_m, z_m]
-        return Posture(middles, self.angles_rad + turn_rad)
+        return Posture(middles, self.angles_rad + angle_rad)
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A body as the plane has it: posture at the design state, lengths of the struts, rest lengths of the springs."""
+    """A body laid into the plane.
+
+    Args:
+        posture: posture in the design state.
+        lengths_m: lengths of the struts, (struts,).
+        rests_m: rest lengths of the springs, (springs,).
+    """
 
     posture: Posture
     lengths_m: Array
@@ -58,10 +69,10 @@ class Layout:
 
 @lru_cache(maxsize=64)
 def flatten(body: Body) -> Layout:
-    """Return the body in the plane.
+    """Lay a body into the plane.
 
-    It is projected along its z axis, magnified until the struts have their lengths again, and turned so that the
-    longest side of its outline lies on z = 0 below the origin. A spring's rest length is magnified as its length is.
+    It is projected along its z axis, scaled until the struts have their lengths again, and rotated so that the longest
+    side of its outline lies on z = 0 below the origin. A spring's rest length scales with its length.
     """
     solid = np.array(body.nodes_m)
     shadow = solid[:, :2]
@@ -82,9 +93,9 @@ def _measure_distances(nodes: Array, pairs: NDArray[np.int_]) -> Array:
 
 
 def _lay_on_longest_side(nodes: Array) -> Array:
-    """Return the nodes turned and moved so that the longest side of their outline lies on z = 0, its middle at 0."""
+    """Return the nodes, moved so that the longest side of their outline lies on z = 0 with its middle at 0."""
     sides = [pair for pair in permutations(range(len(nodes)), 2) if _is_side(nodes, *pair)]
-    # Rounded, so that of sides that are equally long the first is chosen on every machine.
+    # Rounded, so that every machine chooses the first of equally long sides.
     first, second = max(sides, key=lambda pair: round(math.dist(nodes[pair[0]], nodes[pair[1]]), 9))
     east = (nodes[second] - nodes[first]) / math.dist(nodes[first], nodes[second])
     middle = (nodes[first] + nodes[second]) / 2.0
@@ -92,7 +103,7 @@ def _lay_on_longest_side(nodes: Array) -> Array:
 
 
 def _is_side(nodes: Array, first: int, second: int) -> bool:
-    """Whether all nodes lie to the left of the way from one to the other."""
+    """Return whether all nodes lie to the left of the line from the first node to the second."""
     along, offsets = nodes[second] - nodes[first], nodes - nodes[first]
     return bool(np.all(along[0] * offsets[:, 1] - along[1] * offsets[:, 0] > -1e-9))
 
@@ -101,9 +112,10 @@ class Plane:
     """A pymunk space with the body in a posture, at rest, on the world's ground.
 
     Args:
-        body, world: what is in it.
-        posture: where the struts begin.
-        time_step_s: of the integration.
+        body: body that moves.
+        world: world that it moves in.
+        posture: posture in which the struts start.
+        time_step_s: time step of the integration.
     """
 
     def __init__(self, body: Body, world: World, posture: Posture, time_step_s: float) -> None:
@@ -130,7 +142,7 @@ class Plane:
         return Posture(np.array([s.position for s in self.struts]), np.array([s.angle for s in self.struts]))
 
     def nodes_m(self) -> Array:
-        """Return where the strut ends are now, shape (2 * struts, 2)."""
+        """Return x and z of the strut ends now, in metres, shape (2 * struts, 2)."""
         nodes = []
         for strut, half_m in zip(self.struts, self._halves_m, strict=True):
             (x_m, z_m), (cos, sin) = strut.position, strut.rotation_vector
@@ -138,14 +150,14 @@ class Plane:
         return np.array(nodes)
 
     def mean_angle_rad(self) -> float:
-        """Return the mean of the struts' angles now."""
+        """Return the mean of the struts' angles now, in radians."""
         return sum(strut.angle for strut in self.struts) / len(self.struts)
 
     def run(self, forces_n: NDArray[np.complex128]) -> None:
-        """Make a step for each row of the motors' forces, shape (steps, motors); see ``Stepper.run``.
+        """Make a step for each row of the motors' forces in newtons, shape (steps, motors); see ``Stepper.run``.
 
         Raises:
-            Diverged: there is more motion than anything could have caused, or none that is a number.
+            Diverged: the kinetic energy is not finite, or greater than anything could have caused.
         """
         self._stepper.run(forces_n)
         kinetic_j = sum(strut.kinetic_energy for strut in self.struts) / 2.0  # pymunk leaves out the half
@@ -154,7 +166,7 @@ class Plane:
         self._lay_ground()
 
     def _lay_ground(self) -> None:
-        """Lay the ground that is missing around the robot: enough for the steps that are made at once."""
+        """Lay the missing ground around the robot, enough for the steps that are made at once."""
         from pymunk import Segment
 
         stretch = round(self.struts[0].position.x / self._stretch_m())
@@ -174,9 +186,9 @@ class Plane:
         return max(0.25, self._world.ground.straight_m)
 
     def _knots(self, stretch: int) -> Array:
-        """Return the ends of the ground's segments in a stretch and one knot beyond each end, half its thickness deep.
+        """Return the ends of the ground's segments in a stretch and one knot beyond each end, half a thickness deep.
 
-        The joints between stretches are between the multiples of their length, so that the robot does not start on one.
+        Stretches meet half way between the multiples of their length, so that the robot does not start on a joint.
         """
         pieces = round(self._stretch_m() / self._world.ground.straight_m)
         x_m = (stretch - 0.5 + np.arange(-1, pieces + 2) / pieces) * self._stretch_m()

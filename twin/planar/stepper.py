@@ -1,8 +1,8 @@
 """The innermost loop of the planar twin, past pymunk's Python layer.
 
-The layer's vectors, checks and bookkeeping at every step would double the time that a step takes. The forces of many
-steps are therefore written at once into memory that the C library reads, and only its two calls are made at each step.
-The motion is the same as with pymunk's own calls; the tests say so.
+The layer's vectors, checks and bookkeeping would double the time of a step. The forces of many steps are therefore
+written at once into memory that the C library reads, and each step makes only the library's two calls. The motion is
+the same as with pymunk's own calls, which the tests check.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ if TYPE_CHECKING:
     import pymunk
 
 STEPS_AT_ONCE = 50
+"""Number of steps whose forces fit into the memory."""
 
 
 class Stepper:
-    """Steps a space and pushes bodies of it.
+    """Steps a space and applies forces to some of its bodies.
 
     Args:
-        space: the space.
-        pushed: the bodies to push, each at its middle, in its own frame.
-        time_step_s: of the integration.
+        space: space to step.
+        pushed: bodies to push, each at its middle and in its own frame.
+        time_step_s: time step of the integration.
     """
 
     def __init__(self, space: pymunk.Space, pushed: Sequence[pymunk.Body], time_step_s: float) -> None:
@@ -40,7 +41,7 @@ class Stepper:
         self._forces_n = np.frombuffer(ffi.buffer(self._memory), complex).reshape(STEPS_AT_ONCE, len(pushed))
 
     def run(self, forces_n: NDArray[np.complex128]) -> None:
-        """Make a step for each row of forces x + iz, shape (steps up to STEPS_AT_ONCE, bodies)."""
+        """Make a step for each row of forces x + iz in newtons, shape (steps, bodies), steps <= STEPS_AT_ONCE."""
         apply_force, step = self._calls
         space, time_step_s, middle = self._space._space, self._time_step_s, self._middle
         self._forces_n[: len(forces_n)] = forces_n

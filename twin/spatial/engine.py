@@ -25,16 +25,17 @@ if TYPE_CHECKING:
 
 TIME_STEP_S = 0.0005
 SETTLING_S = 3.0
-FOOT_RADIUS_M = 0.03  # from the middle to where the robot stands
-FASTEST_STRUT_M_S = 20.0  # of a strut's middle; in strong gaits less than 1
+FOOT_RADIUS_M = 0.03  # distance from the robot's middle to where it stands
+FASTEST_STRUT_M_S = 20.0  # speed of a strut's middle; strong gaits stay below 1
 
 
 class SpatialEngine:
     """``Engine`` in three dimensions.
 
     Args:
-        body, world: what moves where.
-        time_step_s: of the integration; 0 for 0.5 ms, at which gaits have the speeds and ranks of finer steps.
+        body: body that moves.
+        world: world that it moves in.
+        time_step_s: time step of the integration; 0 for 0.5 ms, at which gaits move and rank as at finer steps.
 
     Raises:
         ValueError: MuJoCo is not installed.
@@ -68,7 +69,7 @@ class SpatialEngine:
         """See ``Engine``.
 
         Raises:
-            DeviceFault: the robot left the hills, which end somewhere.
+            DeviceFault: the robot left the hills, which end at ``HILLS_HALF_WIDTH_M``.
         """
         if gait.motor_count != len(self.body.motors):
             raise ValueError(f"a gait for {gait.motor_count} motors, but {self.body.name} has {len(self.body.motors)}")
@@ -78,15 +79,15 @@ class SpatialEngine:
             self._steps += steps
             self._simulation.check(self.time_s)
             self._check_place()
-            turn = fit_rotation(self.nodes_m(), self._settled_nodes_m)
-            self._angles_rad = continue_angles(turn, self._angles_rad)
+            rotation = fit_rotation(self.nodes_m(), self._settled_nodes_m)
+            self._angles_rad = continue_angles(rotation, self._angles_rad)
 
     def nodes_m(self) -> Array:
         """See ``Engine``."""
         return place_nodes(self._simulation.posture(), self._halves_m)
 
     def angles_rad(self) -> tuple[float, float, float]:
-        """See ``Engine``. Of the rotation that best carries the settled robot's nodes to where they are."""
+        """See ``Engine``. They are those of the rotation that best carries the settled nodes to the present ones."""
         return self._angles_rad
 
     def applied_hz(self) -> tuple[float, ...]:
@@ -101,13 +102,13 @@ class SpatialEngine:
         """Return two forces and the reaction torque of each motor for each step, shape (steps, 3 * motors)."""
         before_hz = self._rotors.applied_hz
         hz, forces_n = self._rotors.spin(gait, steps)
-        # A rotor turns from y to x, which is backwards about z; as it speeds up, it turns the strut forwards.
+        # A rotor rotates from y to x, negative about z. As it speeds up, the strut is rotated the other way: positive.
         spin_up_hz_s = np.diff(hz, axis=0, prepend=before_hz[None]) / self.time_step_s
         torques_n_m = math.tau * spin_up_hz_s * [motor.rotor_kg_m2 for motor in self.body.motors]
         return np.stack([forces_n.real, forces_n.imag, torques_n_m], axis=2).reshape(steps, -1)
 
     def _put_down(self, start: Start) -> tuple[Array, Angles]:
-        """Return the settled posture at ``start``, lying on the ground, and the angles that it is turned by."""
+        """Return the settled posture at ``start``, lying on the ground, and the angles that it is rotated by."""
         angles_rad = _lie_along_ground(self.world, start)
         centre_m = self.body.centre_m(self._settled_nodes_m)
         placed = rotate_posture(self._settled, angles_rad, centre_m)
@@ -124,7 +125,7 @@ class SpatialEngine:
 
 
 class _Simulation:
-    """A motion of a model, computed piece by piece, each piece many steps.
+    """The simulation of a model, in calls of many steps each.
 
     The state is a row of MuJoCo's ``mjSTATE_FULLPHYSICS``: the time, 7 coordinates of each strut, 6 speeds of each.
     """
@@ -138,7 +139,7 @@ class _Simulation:
         self._coordinates = slice(1, 1 + model.nq)
 
     def begin(self, posture: Array) -> None:
-        """Go on from rest in ``posture``, at time 0."""
+        """Start from rest in ``posture``, at time 0."""
         self._state = np.concatenate([[0.0], posture.ravel(), np.zeros(self._model.nv)])
         self._control = np.zeros(self._model.nu)
         self._data.qacc_warmstart[:] = 0.0
@@ -146,7 +147,7 @@ class _Simulation:
     def go_on(self, controls: Array) -> None:
         """Make a step for each row of ``controls``, shape (steps, 3 * motors).
 
-        The contact solver starts from where it ended, so that a motion in pieces is the same as in one.
+        The contact solver starts from its last result, so that several calls give the same motion as one.
         """
         warm = self._data.qacc_warmstart[None].copy()
         states, _ = self._rollout.rollout(self._model, self._data, self._state, controls[None], initial_warmstart=warm)
@@ -154,14 +155,14 @@ class _Simulation:
         self._control = controls[-1]
 
     def posture(self) -> Array:
-        """Return where the struts are."""
+        """Return where the struts are now, see ``posture``."""
         return self._state[self._coordinates].reshape(-1, 7)
 
     def forces(self, body: Body) -> Forces:
-        """Return what acts on the body in this state."""
+        """Return the forces on the body in this state."""
         from mujoco import mj_forward, mj_setState, mjtState
 
-        # Beside the motion: what its own data hold must not change.
+        # In data of their own: those of the simulation must not change.
         data = self._still
         mj_setState(self._model, data, self._state, mjtState.mjSTATE_FULLPHYSICS)
         data.qacc_warmstart[:] = self._data.qacc_warmstart
@@ -170,20 +171,20 @@ class _Simulation:
         return read_forces(self._model, data, body)
 
     def check(self, time_s: float) -> None:
-        """Raise Diverged if this is not a state that a robot can be in, or not that of ``time_s``."""
+        """Raise Diverged if the state is impossible for a robot, or is not the state at ``time_s``."""
         speeds_m_s = np.linalg.norm(self._state[self._coordinates.stop :].reshape(-1, 6)[:, :3], axis=1)
         if not (np.isfinite(self._state).all() and speeds_m_s.max() < FASTEST_STRUT_M_S):
             raise Diverged(
                 f"the spatial twin broke down at {time_s:.3f} s: a strut moves at {speeds_m_s.max():.3g} m/s"
             )
         if abs(self._state[0] - time_s) > 1e-6:
-            # MuJoCo stops at a state it does not like and keeps it, which would pass for a robot that rests.
-            raise Diverged(f"the spatial twin broke down at {self._state[0]:.3f} s: MuJoCo went no further")
+            # MuJoCo stops at a state that it rejects and keeps it, which would look like a robot at rest.
+            raise Diverged(f"the spatial twin broke down at {self._state[0]:.3f} s: MuJoCo stopped there")
 
 
 def _lie_along_ground(world: World, start: Start) -> Angles:
-    """Return yaw, pitch and roll of a robot that lies along the ground at ``start``, but for the start's own tilt."""
-    # Points ahead, behind, to the left and to the right, about where the feet are.
+    """Return yaw, pitch and roll of a robot that lies along the ground at ``start``, plus the start's own tilt."""
+    # Points ahead, behind, to the left and to the right, roughly where the feet are.
     around = start.yaw_rad + np.array([0.0, math.pi, math.pi / 2.0, -math.pi / 2.0])
     ahead, behind, left, right = world.height_m(
         start.x_m + FOOT_RADIUS_M * np.cos(around), start.y_m + FOOT_RADIUS_M * np.sin(around)
@@ -195,7 +196,7 @@ def _lie_along_ground(world: World, start: Start) -> Angles:
 
 @lru_cache(maxsize=64)
 def _settle(body: Body, gravity_m_s2: float, friction: float, time_step_s: float) -> Array:
-    """Return the posture in which the body stands on level ground: put down in its design state and left alone."""
+    """Return the posture in which the body stands on level ground: released in its design state, then at rest."""
     model = compile_model(body, World(gravity_m_s2, friction, Flat()), time_step_s)
     design = model.qpos0.reshape(-1, 7).copy()
     design[:, 2] += body.struts[0].radius_m

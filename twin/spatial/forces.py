@@ -1,4 +1,4 @@
-"""Reads from MuJoCo what pulls and pushes at the spatial twin."""
+"""Reads the forces on the spatial twin from MuJoCo."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def read_forces(model: mujoco.MjModel, data: mujoco.MjData, body: Body) -> Forces:
-    """Return the forces on a body, for data on which ``mj_forward`` was run."""
+    """Return the forces on a body in newtons, from data on which ``mj_forward`` has run."""
     stretch_m = data.ten_length - model.tendon_lengthspring[:, 1]
     if body.tension_only:
         stretch_m = np.maximum(stretch_m, 0.0)
@@ -31,7 +31,7 @@ def read_forces(model: mujoco.MjModel, data: mujoco.MjData, body: Body) -> Force
 
 
 def _contacts_n(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Return the ground's force at each contact, shape (contacts, 3)."""
+    """Return the ground's force at each contact in newtons, shape (contacts, 3)."""
     from mujoco import mj_contactForce
 
     forces_n, wrench = np.empty((data.ncon, 3)), np.empty(6)

@@ -1,7 +1,7 @@
-"""Writes a body and a world down as a MuJoCo model: struts as rigid bodies, springs as tendons, motors as site forces.
+"""Makes a MuJoCo model of a body and a world: rigid bodies for struts, tendons for springs, site forces for motors.
 
-Strut ``i`` is body ``i + 1``, its axis its own z. Motor ``k`` has the controls ``3 k`` (force along the strut's x),
-``3 k + 1`` (force along its y) and ``3 k + 2`` (torque about its axis).
+Strut ``i`` is body ``i + 1``, and its axis is the body's z. Motor ``k`` has the controls ``3 k`` (force along the
+strut's x), ``3 k + 1`` (force along its y) and ``3 k + 2`` (torque about its axis).
 """
 
 from __future__ import annotations
@@ -19,22 +19,23 @@ if TYPE_CHECKING:
     import mujoco
 
 
-HOOK_M = 0.002  # springs hang on hooks beside the strut: on its axis they would leave its spin free
-AXIAL_GYRATION_M = 0.006  # board, battery and motor sit beside the axis and make up most of the axial inertia
-HILLS_HALF_WIDTH_M = 1.5
-POINTS_PER_WAVE = 10
+HOOK_M = 0.002  # springs hang on hooks beside the strut: on its axis, nothing would hold the strut's spin
+AXIAL_GYRATION_M = 0.006  # board, battery and motor sit beside the axis and are most of the axial inertia
+HILLS_HALF_WIDTH_M = 1.5  # where the hills end
+POINTS_PER_WAVE = 10  # of the height field
 SOLVER_ITERATIONS = 30
-SOLREF = (0.004, 1.0)  # MuJoCo's words for a contact: time constant and damping ratio; stiffness against depth
+# MuJoCo's parameters of a contact: time constant in seconds and damping ratio; stiffness as a function of depth.
+SOLREF = (0.004, 1.0)
 SOLIMP = (0.9, 0.95, 0.0005, 0.5, 2.0)
 
 
 def compile_model(body: Body, world: World, time_step_s: float, hook_m: float = HOOK_M) -> mujoco.MjModel:
-    """Return the model, with the body at its design state.
+    """Return the model, with the body in its design state.
 
     Args:
-        body: what moves.
-        world: where it moves.
-        time_step_s: of the integration.
+        body: body that moves.
+        world: world that it moves in.
+        time_step_s: time step of the integration.
         hook_m: distance of the springs' ends from the struts' axes.
 
     Raises:
@@ -57,8 +58,8 @@ def compile_model(body: Body, world: World, time_step_s: float, hook_m: float = 
 def find_strut_frames(nodes_m: Array) -> Array:
     """Return each strut's axes as the columns of a matrix, shape (struts, 3, 3), for nodes of shape (2 * struts, 3).
 
-    z points from bottom to top, x is level; so struts that a turn about the vertical carries into each other have
-    frames, and with them motors, that it carries too.
+    z points from bottom to top and x is level. A rotation about the vertical that carries one strut into another then
+    carries its frame, and with it its motor, into the other's too.
     """
     z = nodes_m[0::2] - nodes_m[1::2]
     z /= np.linalg.norm(z, axis=1, keepdims=True)
@@ -69,7 +70,7 @@ def find_strut_frames(nodes_m: Array) -> Array:
 
 
 def _quiet_mujoco() -> Any:
-    """Import MuJoCo and keep its own log off disk and screen: the engine itself says what went wrong."""
+    """Import MuJoCo and switch its own log off, on disk and screen: the engine itself says what went wrong."""
     try:
         import mujoco
     except ModuleNotFoundError:
@@ -88,11 +89,11 @@ def _set_options(spec: mujoco.MjSpec, gravity_m_s2: float, time_step_s: float) -
     option.gravity = [0.0, 0.0, -gravity_m_s2]
     option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    # With this handful of contacts the sweeping solver agrees with Newton's to 1e-8 m in half of its time.
+    # With so few contacts, the projected Gauss-Seidel solver agrees with Newton's to 1e-8 m in half the time.
     option.solver = mujoco.mjtSolver.mjSOL_PGS
     option.iterations = SOLVER_ITERATIONS
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    # Without the automatic reset, a state that broke down stays broken and is seen.
+    # Without the automatic reset, a state that broke down stays as it is and is noticed.
     option.disableflags = off.mjDSBL_AUTORESET.value | off.mjDSBL_ISLAND.value
 
 
@@ -107,13 +108,13 @@ def _add_ground(spec: mujoco.MjSpec, ground: Ground) -> None:
         }
     else:
         half_rad = ground.angle_rad / 2.0 if isinstance(ground, Slope) else 0.0
-        turn = [math.cos(half_rad), 0.0, -math.sin(half_rad), 0.0]
-        shape = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0.0, 0.0, 1.0], "quat": turn}
+        quaternion = [math.cos(half_rad), 0.0, -math.sin(half_rad), 0.0]
+        shape = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0.0, 0.0, 1.0], "quat": quaternion}
     spec.worldbody.add_geom(name="ground", contype=0, conaffinity=0, **shape)
 
 
 def _add_hills(spec: mujoco.MjSpec, hills: Hills) -> float:
-    """Add the height field and return the height of its lowest point."""
+    """Add the height field and return the height of its lowest point, in metres."""
     points = 1 + math.ceil(2.0 * HILLS_HALF_WIDTH_M * POINTS_PER_WAVE / hills.wavelength_m)
     line = np.linspace(-HILLS_HALF_WIDTH_M, HILLS_HALF_WIDTH_M, points)
     heights = hills.at(line[None, :], line[:, None])  # a row of the field is a line of one y
@@ -154,7 +155,7 @@ def _add_strut(spec: mujoco.MjSpec, body: Body, strut: int, frame: Array) -> Non
 
 
 def _let_touch(spec: mujoco.MjSpec, strut: int, friction: float) -> None:
-    """Let a strut touch the ground, and nothing else. Named pairs spare MuJoCo the search for what may touch what."""
+    """Let a strut touch the ground and nothing else. With named pairs, MuJoCo need not search for contacts."""
     sliding, turning, rolling = max(friction, 1e-5), 0.005, 0.0001
     spec.add_pair(
         geomname1="ground",
