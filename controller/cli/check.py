@@ -2,37 +2,32 @@
 
 from __future__ import annotations
 
-import sys
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
-
-
-def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument(
-        "--robot", type=Path, metavar="FILE", help="the robot's file; without it, the ports found are listed"
-    )
+from vvvaltr.controller.cli.options import add_robot_file_arguments, chosen_robot_file
+from vvvaltr.controller.cli.telling import say
 
 
 def _execute(arguments: Namespace) -> Answer:
-    return _list_ports() if arguments.robot is None else _check(arguments.robot)
+    path = chosen_robot_file(arguments, "check", "tests the links, motors, watchdogs and tracker of a real robot")
+    return _list_ports() if path is None else _check(path, arguments)
 
 
-def _check(path: Path) -> Answer:
+def _check(path: Path, arguments: Namespace) -> Answer:
     from dataclasses import asdict
 
     from vvvaltr.controller.robot.commissioning.check import check
     from vvvaltr.controller.robot.robot_file import load_robot_file
 
     robot = load_robot_file(path)
-    print("the motors will turn", file=sys.stderr, flush=True)
+    say(arguments, "the motors will turn")
     findings = []
     for finding in check(robot):
         findings.append(finding)
-        verdict = "pass" if finding.passed else "FAIL"
-        print(f"{verdict}  {finding.name}: {finding.detail}", file=sys.stderr, flush=True)
+        say(arguments, f"{'pass' if finding.passed else 'FAIL'}  {finding.name}: {finding.detail}")
     failed = [finding for finding in findings if not finding.passed]
     data: dict[str, Any] = {"passed": not failed, "checks": [asdict(finding) for finding in findings]}
     lines = [f"{finding.name}: {finding.cure}" for finding in failed]
@@ -45,9 +40,9 @@ def _list_ports() -> Answer:
 
     ports = [{"port": port.device, "description": port.description} for port in list_ports.comports()]
     interfaces = _can_interfaces()
-    lines = [f"{port['port']}: {port['description']}" for port in ports] or ["no serial ports found"]
-    lines += [f"{name}: CAN interface" for name in interfaces] or ["no CAN interfaces found"]
-    lines.append("name one of them in a robot's file, and check that: vvvaltr check --robot FILE.toml")
+    lines = [f"{port['port']}: {port['description']}" for port in ports] or ["no serial port found"]
+    lines += [f"{name}: CAN interface" for name in interfaces] or ["no CAN interface found"]
+    lines.append("write the one with your motors into a robot's file, then: vvvaltr check robot.toml")
     return Answer("\n".join(lines), {"serial_ports": ports, "can_interfaces": interfaces})
 
 
@@ -59,8 +54,8 @@ def _can_interfaces() -> list[str]:
 
 
 COMMAND = Command(
-    help="test a robot's links, motors, watchdogs and tracker; without a file, list what is plugged in",
-    example="vvvaltr check --robot qik0.toml",
-    add_arguments=_add_arguments,
+    help="test a robot's links, motors, watchdogs and tracker; without a file, list the ports",
+    example="vvvaltr check qik0.toml",
+    add_arguments=add_robot_file_arguments,
     execute=_execute,
 )

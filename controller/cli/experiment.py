@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
-from vvvaltr.controller.cli.options import number, whole
-from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.cli.options import TWINS, number, whole
+from vvvaltr.controller.cli.telling import bar
+from vvvaltr.controller.core.errors import NotUnderstood
+from vvvaltr.controller.core.spelling import unknown
 
 if TYPE_CHECKING:
     from vvvaltr.transfer.experiments.findings import PairFindings
@@ -18,29 +20,32 @@ if TYPE_CHECKING:
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("experiment", help="1, 2, 3, thesis (these three), controls or all; "
+    parser.add_argument("experiment", metavar="NAME", help="1, 2, 3, thesis (these three), controls or all; "
                         "or one of 1b, 2-friction, unrelated, inverted")  # fmt: skip
-    parser.add_argument("--out", type=Path, metavar="DIR",
-                        help="results; an interrupted campaign goes on there (default below runs/)")  # fmt: skip
-    group = parser.add_argument_group("what is done")
-    group.add_argument("--robot", choices=("planar", "spatial"), default="planar", help="the twin (default planar)")
-    group.add_argument(
-        "--repeats", type=whole(1), default=10, metavar="N", help="each with seeds of its own (default 10)"
-    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="directory of the campaign; an interrupted one "
+                        "continues there (default runs/experiments-ROBOT)")  # fmt: skip
+    group = parser.add_argument_group("campaign")
+    group.add_argument("--robot", choices=TWINS, default="planar", metavar="NAME",
+                       help="twin: planar or spatial (default planar)")  # fmt: skip
+    group.add_argument("--repeats", type=whole(1), default=10, metavar="N",
+                       help="number of repeats, each with its own seeds (default 10)")  # fmt: skip
     group.add_argument("--methods", type=lambda text: tuple(text.split(",")), metavar="NAME,...",
-                       help="to compare with Plain-BO (default all)")  # fmt: skip
-    group.add_argument("--signed", action="store_true", help="motors may also turn backwards")
-    group.add_argument("--seed", type=whole(0), default=0, help="of everything (default 0)")
-    group = parser.add_argument_group("for a quick look")
+                       help="methods to compare with Plain-BO (default all)")  # fmt: skip
+    group.add_argument("--signed", action="store_true", help="let the motors also turn in reverse")
+    group.add_argument("--seed", type=whole(0), default=0, metavar="N",
+                       help="seed of every random stream (default 0)")  # fmt: skip
+    group = parser.add_argument_group("size of each run, smaller for a quick look")
     group.add_argument("--duration", dest="duration_s", type=number(low=0.1), default=5.0, metavar="S",
-                       help="of a trial (default 5)")  # fmt: skip
+                       help="time that the motors are driven in a trial, in s (default 5)")  # fmt: skip
     group.add_argument("--starts", type=whole(1), default=20, metavar="N",
-                       help="fresh starts that a true speed is the mean of (default 20)")  # fmt: skip
-    group.add_argument("--trials", type=whole(1), default=0, metavar="N", help="at most (default 40, experiment 2: 50)")
-    group = parser.add_argument_group("where it is done")
+                       help="number of fresh starts behind each true speed (default 20)")  # fmt: skip
+    group.add_argument("--trials", type=whole(1), default=0, metavar="N",
+                       help="greatest number of trials (default 40, in experiment 2 50)")  # fmt: skip
+    group = parser.add_argument_group("computers")
     where = group.add_mutually_exclusive_group()
-    where.add_argument("--jobs", type=whole(1), default=1, metavar="N", help="processes of this computer (default 1)")
-    where.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster instead: tcp://HOST:8786")
+    where.add_argument("--jobs", type=whole(1), default=1, metavar="N",
+                       help="number of processes on this computer (default 1)")  # fmt: skip
+    where.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask cluster, tcp://HOST:8786")
 
 
 def _execute(arguments: Namespace) -> Answer:
@@ -56,8 +61,8 @@ def _execute(arguments: Namespace) -> Answer:
     with one_line_errors():
         pairs = pairs_named(arguments.robot, arguments.experiment)
     methods = arguments.methods or transfer_methods()
-    if unknown := set(methods) - set(transfer_methods()):
-        raise UserError(f"--methods: {min(unknown)!r} is not one of {', '.join(transfer_methods())}")
+    if strangers := set(methods) - set(transfer_methods()):
+        raise NotUnderstood(f"--methods: {unknown('method', min(strangers), transfer_methods())}")
     settings = _settings(arguments)
     with one_line_errors():
         robot, _ = opened(settings, pairs[0].target, settings.seed)  # here, before anything is written
@@ -67,9 +72,9 @@ def _execute(arguments: Namespace) -> Answer:
         store = Store.begin(out, settings)
         try:
             with one_line_errors():
-                run_campaign(store, pairs, arguments.repeats, methods, executor, _progress)
+                run_campaign(store, pairs, arguments.repeats, methods, executor, partial(_progress, arguments))
         except KeyboardInterrupt:
-            raise KeyboardInterrupt("what is done is saved: the same command goes on with it") from None
+            raise KeyboardInterrupt("what is done is saved: the same command continues it") from None
     found = findings(store, pairs)
     return Answer(_prose(found, out), {"experiments": as_json(found), "out": str(out)})
 
@@ -78,7 +83,7 @@ def _settings(arguments: Namespace) -> Settings:
     from vvvaltr.transfer.experiments.unit import LONGEST_S, Settings
 
     if arguments.duration_s > LONGEST_S:
-        raise UserError(f"--duration {arguments.duration_s:g} is too long: a trial takes {LONGEST_S:g} s at most")
+        raise NotUnderstood(f"--duration is {arguments.duration_s:g}; allowed: 0.1 to {LONGEST_S:g}")
     return Settings(
         robot=arguments.robot,
         signed=arguments.signed,
@@ -89,14 +94,12 @@ def _settings(arguments: Namespace) -> Settings:
     )
 
 
-def _progress(units: Iterable[Any], total: int) -> Iterable[Any]:
-    from tqdm import tqdm
-
-    return tqdm(units, total=total, unit="run", desc="experiment", file=sys.stderr, disable=not total)
+def _progress(arguments: Namespace, units: Iterable[Any], total: int) -> Iterable[Any]:
+    return bar(arguments, units, total=total, unit="run", desc="experiment", disable=not total)
 
 
 def _prose(found: Sequence[PairFindings], out: Path) -> str:
-    lines = ["true mean speed of the recommended gait against Plain-BO's, at the end; p after Holm"]
+    lines = ["true mean speed of the recommended gait after the last trial, compared with Plain-BO; p after Holm"]
     for it in found:
         speed_mm_s = 1000.0 * it.plain.runs.mean_true_m_s[-1]
         lines.append(f"{it.pair.key}: {it.pair.title}; {it.repeats} repeats; Plain-BO {speed_mm_s:.1f} mm/s")
@@ -105,11 +108,11 @@ def _prose(found: Sequence[PairFindings], out: Path) -> str:
                 end = method.against_plain[-1]
                 interval = f"{end.interval_percent.low:+.0f} to {end.interval_percent.high:+.0f} %"
                 lines.append(f"  {name:12} {end.gain_percent:+6.1f} % ({interval})  p {method.p_holm[-1]:.3f}")
-    return "\n".join([*lines, f"figures  vvvaltr report {out}"])
+    return "\n".join([*lines, f"figures: vvvaltr report {out}"])
 
 
 COMMAND = Command(
-    help="repeat the thesis' experiments on a twin: every method against Plain-BO",
+    help="repeat the thesis' experiments on a twin, every method against Plain-BO",
     example="vvvaltr experiment all --robot planar --repeats 10 --jobs 2 --out runs/thesis",
     add_arguments=_add_arguments,
     execute=_execute,

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 from vvvaltr.controller.cli.answer import Answer, Command
 from vvvaltr.controller.cli.options import number
-from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.errors import NotUnderstood, UserError
+from vvvaltr.controller.core.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.records import LoggedTrial
@@ -27,19 +28,29 @@ _GREATEST_HZ, _GREATEST_M_S = 10_000.0, 1000.0  # beyond these it is a mistake, 
 
 def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
-        "csv", type=Path, metavar="CSV", help="a table with a line of column names and a line per trial"
+        "csv", type=Path, metavar="CSV", help="table with a line of column names, then one line per trial"
     )
-    parser.add_argument("--gait", required=True, metavar="COLUMN,...", help="columns of the motors, in their order")
     parser.add_argument(
-        "--unit", required=True, help=f"of these columns: {', '.join(_HZ)}; the sign is the sense of rotation"
+        "--gait", required=True, metavar="COLUMN,...", help="columns of the frequencies, one per motor, in order"
     )
-    parser.add_argument("--score", required=True, metavar="COLUMN", help="column of the net displacement or net speed")
     parser.add_argument(
-        "--score-unit", required=True, metavar="UNIT", help=f"of that column: {', '.join((*_METRES, *_M_S))}"
+        "--unit",
+        required=True,
+        choices=tuple(_HZ),
+        metavar="UNIT",
+        help=f"unit of these columns: {', '.join(_HZ)}; the sign is the direction of rotation",
+    )
+    parser.add_argument("--score", required=True, metavar="COLUMN", help="column of the net displacement or speed")
+    parser.add_argument(
+        "--score-unit",
+        required=True,
+        choices=(*_METRES, *_M_S),
+        metavar="UNIT",
+        help=f"unit of that column: {', '.join((*_METRES, *_M_S))}",
     )
     parser.add_argument("--duration", dest="duration_s", type=number(above=0), metavar="S",
-                        help="of each trial; needed where the score is a displacement")  # fmt: skip
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a new directory for the run")
+                        help="duration of each trial, in s; needed if the score is a displacement")  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="new directory for the run")
 
 
 def _execute(arguments: Namespace) -> Answer:
@@ -49,7 +60,7 @@ def _execute(arguments: Namespace) -> Answer:
         raise UserError(f"--out {arguments.out} exists: choose another name, or move it away")
     trials = list(_trials(arguments))
     if not trials:
-        raise UserError(f"{arguments.csv} has no trial: it needs a line of numbers below the column names")
+        raise NotUnderstood(f"{arguments.csv} has no trial: it needs a line of numbers below the column names")
     result = {"run": str(arguments.out), **summary(trials)}
     try:
         _write_run(arguments.out, trials, json.dumps(result, indent=2) + "\n")
@@ -81,7 +92,7 @@ def _trials(arguments: Namespace) -> Iterator[LoggedTrial]:
     from vvvaltr.controller.core.records import LoggedTrial
     from vvvaltr.controller.core.values import Gait, Outcome, Suggestion, Trial
 
-    hz = _factor("--unit", arguments.unit, _HZ)
+    hz = _HZ[arguments.unit]
     m_s = _speed_factor(arguments)
     columns = arguments.gait.split(",")
     now_unix_s = time.time()
@@ -89,7 +100,7 @@ def _trials(arguments: Namespace) -> Iterator[LoggedTrial]:
         where = f"{arguments.csv}, line {line}"
         *motors, measured = row
         if measured < 0.0:
-            raise UserError(f"{where}: {arguments.score} is {measured:g}: a net displacement or speed is not below 0")
+            raise NotUnderstood(f"{where}: {arguments.score} is {measured:g}; allowed: 0 or more")
         speed_m_s = _converted(where, arguments.score, measured, m_s, "m/s", _GREATEST_M_S)
         pairs = zip(columns, motors, strict=True)
         gait = Gait(tuple(_converted(where, column, value, hz, "Hz", _GREATEST_HZ) for column, value in pairs))
@@ -98,32 +109,25 @@ def _trials(arguments: Namespace) -> Iterator[LoggedTrial]:
 
 
 def _converted(where: str, column: str, value: float, factor: float, unit: str, greatest: float) -> float:
-    """Return ``value`` in ``unit``. Raises UserError beyond ``greatest``, the infinite too."""
+    """Return ``value`` in ``unit``. Raises NotUnderstood beyond ``greatest``, and for infinity."""
     converted = factor * value
     if abs(converted) > greatest:
-        raise UserError(
-            f"{where}: {column} is {value:g}, which makes {converted:g} {unit}; allowed: up to {greatest:g}; "
+        raise NotUnderstood(
+            f"{where}: {column} is {value:g}, that is {converted:g} {unit}; allowed: up to {greatest:g}; "
             "check the number, its unit and --duration"
         )
     return converted
 
 
-def _factor(option: str, unit: str, factors: Mapping[str, float]) -> float:
-    if unit not in factors:
-        raise UserError(f"{option} {unit!r} is unknown: say {', '.join(factors)}")
-    return factors[unit]
-
-
 def _speed_factor(arguments: Namespace) -> float:
     """Return what turns a number of the score's column into m/s."""
-    factor = _factor("--score-unit", arguments.score_unit, {**_METRES, **_M_S})
     if arguments.score_unit in _M_S:
-        return factor
+        return _M_S[arguments.score_unit]
     if arguments.duration_s is None:
-        raise UserError(
-            f"--score-unit {arguments.score_unit} is a displacement: say how long a trial was, --duration S"
+        raise NotUnderstood(
+            f"--score-unit {arguments.score_unit} is a displacement: give the duration of a trial, --duration S"
         )
-    return factor / float(arguments.duration_s)
+    return _METRES[arguments.score_unit] / float(arguments.duration_s)
 
 
 def _rows(path: Path, columns: list[str]) -> Iterator[tuple[int, list[float]]]:
@@ -133,10 +137,11 @@ def _rows(path: Path, columns: list[str]) -> Iterator[tuple[int, list[float]]]:
             table = csv.DictReader(file)
             if missing := [column for column in columns if column not in (table.fieldnames or ())]:
                 has = ", ".join(table.fieldnames or ["nothing"])
-                raise UserError(f"{path} has no column {missing[0]!r}: its first line has {has}")
+                guess = did_you_mean(missing[0], table.fieldnames or ())
+                raise NotUnderstood(f"{path} has no column {missing[0]!r}{guess}; its first line has {has}")
             for row in table:
                 if None in row:  # where DictReader puts what is beyond the last column
-                    raise UserError(
+                    raise NotUnderstood(
                         f"{path}, line {table.line_num} has more cells than there are column names: write decimals "
                         "with a point, 1.5, and quote text with commas"
                     )
@@ -144,7 +149,7 @@ def _rows(path: Path, columns: list[str]) -> Iterator[tuple[int, list[float]]]:
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}: name a CSV file") from None
     except (UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"{path} is no table of text ({error}): save it as CSV in UTF-8") from None
+        raise NotUnderstood(f"{path} is not a CSV file ({error}): save the table as CSV in UTF-8") from None
 
 
 def _number(path: Path, line: int, column: str, text: str | None) -> float:
@@ -153,13 +158,13 @@ def _number(path: Path, line: int, column: str, text: str | None) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        shown = "nothing" if not text else repr(text)
-        raise UserError(f"{path}, line {line}: {column} is {shown}: give a number, or leave the line out")
+        shown = repr(text) if text else "empty"
+        raise NotUnderstood(f"{path}, line {line}: {column} is {shown}: give a number, or leave the line out")
     return value
 
 
 COMMAND = Command(
-    help="make a run of trials measured elsewhere, to learn from",
+    help="import trials from a table, as a run to learn from",
     example="vvvaltr import trials.csv --gait RPM_1,RPM_2,RPM_3 --unit rpm --score Displacement_mm --score-unit mm "
     "--duration 20 --out runs/lab",
     add_arguments=_add_arguments,

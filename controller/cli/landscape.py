@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
@@ -14,8 +13,16 @@ from pathlib import Path
 from typing import Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
-from vvvaltr.controller.cli.options import add_robot_arguments, add_trial_arguments, asked_robot, number, whole
-from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.cli.options import (
+    add_robot_arguments,
+    add_trial_arguments,
+    asked_robot,
+    number,
+    score_details,
+    whole,
+)
+from vvvaltr.controller.cli.telling import bar
+from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -24,23 +31,22 @@ def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--grid", type=whole(2), default=15, metavar="N", help="frequencies per motor (default 15)")
     parser.add_argument("--repeats", type=whole(1), default=3, metavar="N", help="trials per gait (default 3)")
     parser.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
-                        help="frequencies in Hz")  # fmt: skip
-    parser.add_argument("--jobs", type=whole(1), metavar="N", help="at a time (default: all cores)")
-    parser.add_argument("--out", type=Path, default=Path("landscape.png"), help="picture (default landscape.png)")
+                        help="range of frequencies, in Hz")  # fmt: skip
+    parser.add_argument("--jobs", type=whole(1), metavar="N", help="number of trials at a time (default: one per core)")
+    parser.add_argument("--out", type=Path, default=Path("landscape.png"), metavar="FILE",
+                        help="new picture, .png, .pdf or .svg (default landscape.png)")  # fmt: skip
 
 
 def _execute(arguments: Namespace) -> Answer:
     _refuse_bad_out(arguments.out)
     survey = _survey(arguments)
-    from tqdm import tqdm
-
     from vvvaltr.controller.studies.landscape import draw, measure
 
     gaits = len(survey.pairs) * survey.grid**2
     panels = measure(
         survey,
         jobs=arguments.jobs or os.cpu_count() or 1,
-        progress=partial(tqdm, total=gaits * survey.repeats, unit="trial", desc="landscape", file=sys.stderr),
+        progress=partial(bar, arguments, total=gaits * survey.repeats, unit="trial", desc="landscape"),
     )
     condition = survey.choice
     title = f"{condition.name} {condition.body} on {condition.world}, {survey.score_name} speed"
@@ -60,12 +66,12 @@ def _execute(arguments: Namespace) -> Answer:
 
 
 def _save(write: Callable[[Path], None], out: Path) -> None:
-    """Write the picture, elsewhere if need be: the measurements took long. Raises UserError if it is not in ``out``."""
+    """Write the picture, in a spare place if ``out`` fails, for it took long to measure; UserError says where."""
     try:
         write(out)
     except OSError as error:
         with suppress(OSError):
-            out.unlink()  # half a picture would refuse the next one of its name
+            out.unlink()  # half a picture would be in the way of the next
         try:
             spare = Path(tempfile.mkdtemp(prefix="vvvaltr-")) / out.name
             write(spare)
@@ -80,7 +86,7 @@ def _refuse_bad_out(out: Path) -> None:
     if find_spec("matplotlib") is None:
         raise UserError('the picture needs matplotlib: pip install "vvvaltr[report]"')
     if out.suffix not in (".png", ".pdf", ".svg"):
-        raise UserError(f"--out {out}: a picture's name ends in .png, .pdf or .svg")
+        raise NotUnderstood(f"--out {out}: the name of a picture ends in .png, .pdf or .svg")
     if out.exists():
         raise UserError(f"--out {out} exists: choose another name, or move it away")
     try:
@@ -93,7 +99,7 @@ def _refuse_bad_out(out: Path) -> None:
 
 def _unwritable(out: Path, error: OSError) -> UserError:
     return UserError(
-        f"--out {out} cannot be written: {_reason(error)}; free some space, or choose another place, and repeat"
+        f"--out {out} cannot be written: {_reason(error)}; free some space or choose another place, then repeat"
     )
 
 
@@ -109,7 +115,7 @@ def _survey(arguments: Namespace) -> Any:
 
     choice = choose_robot(asked_robot(arguments))
     if not choice.is_twin:
-        raise UserError(f"robot {choice.name}: a landscape takes hundreds of trials; it is made on a twin only")
+        raise NotUnderstood(f"robot {choice.name}: a landscape takes thousands of trials: choose a twin")
     seed = arguments.seed or 0
     rig = open_rig(choice, seed)
     with closing(rig.robot), one_line_errors():
@@ -132,8 +138,9 @@ def _survey(arguments: Namespace) -> Any:
 
 
 COMMAND = Command(
-    help="draw the speed over two motors, the third off (three panels)",
+    help="draw a map of speed over the frequencies of two motors, the third off",
     example="vvvaltr landscape --robot planar --grid 15 --out landscape.png",
     add_arguments=_add_arguments,
     execute=_execute,
+    details=score_details,
 )

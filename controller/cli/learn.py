@@ -11,8 +11,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
-from vvvaltr.controller.cli.options import add_robot_arguments, add_trial_arguments, asked_robot, number, one_of, whole
+from vvvaltr.controller.cli.options import (
+    add_robot_arguments,
+    add_trial_arguments,
+    asked_robot,
+    method_details,
+    number,
+    one_of,
+    whole,
+)
 from vvvaltr.controller.cli.rerun_extra import has_rerun, require_rerun
+from vvvaltr.controller.cli.telling import bar, say
 from vvvaltr.controller.core.errors import UserError
 
 if TYPE_CHECKING:
@@ -24,22 +33,22 @@ def _add_arguments(parser: ArgumentParser) -> None:
     add_robot_arguments(parser)
     add_trial_arguments(parser)
     group = parser.add_argument_group("learning")
-    group.add_argument("--trials", type=whole(1), metavar="N", help="valid trials to make (default 40)")
-    group.add_argument("--method", help="the optimiser (default: plain, or guarded with a source)")
-    group.add_argument("--source", action="append", metavar="RUN", help="a run to learn from; repeatable")
+    group.add_argument("--trials", type=whole(1), metavar="N", help="number of valid trials (default 40)")
+    group.add_argument("--method", metavar="NAME", help="optimiser (default plain; with --source guarded)")
+    group.add_argument("--source", action="append", metavar="RUN", help="earlier run to learn from; repeatable")
     group.add_argument("--optimise", type=one_of("frequency", "phase", "amplitude"), metavar="WHAT,...",
-                       help="what to search: frequency, phase, amplitude (default frequency)")  # fmt: skip
+                       help="quantities to search: frequency, phase, amplitude (default frequency)")  # fmt: skip
     group.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
-                       help="frequencies to search in Hz; negative ones turn the other way")  # fmt: skip
+                       help="range of frequencies to search, in Hz; negative is reverse")  # fmt: skip
     group.add_argument("--confirm", type=_gaits_by_repeats, metavar="KxR",
-                       help="spend the last K*R trials on R repeats of the K most promising gaits")  # fmt: skip
+                       help="repeat the K most promising gaits R times each, in the last K*R trials")  # fmt: skip
     group.add_argument("--stop-when", dest="stop_below_mm_s", type=number(above=0), metavar="MM_S",
-                       help="end the search once a trial is expected to gain less than this")  # fmt: skip
+                       help="end the search when the expected gain of a trial falls below this, in mm/s")  # fmt: skip
     group = parser.add_argument_group("run")
     where = group.add_mutually_exclusive_group()
-    where.add_argument("--out", type=Path, metavar="DIR", help="a new directory for the run (default below runs/)")
-    where.add_argument("--resume", type=Path, metavar="DIR", help="go on with this run, as it would have gone on")
-    group.add_argument("--no-recording", action="store_true", help="leave no run.rrd beside the log")
+    where.add_argument("--out", type=Path, metavar="DIR", help="new directory for the run (default runs/DATE-ROBOT)")
+    where.add_argument("--resume", type=Path, metavar="DIR", help="continue the run in this directory")
+    group.add_argument("--no-recording", action="store_true", help="do not write the Rerun recording, run.rrd")
     group.add_argument("--live", action="store_true", help="show the run in Rerun while it learns")
 
 
@@ -62,13 +71,13 @@ def _execute(arguments: Namespace) -> Answer:
         run = RunDirectory.create(arguments.out or _default_directory(asked), asked)
     try:
         with closing(run):
-            _learn(run, live=arguments.live)
+            _learn(run, arguments)
     except KeyboardInterrupt as interrupt:
-        raise KeyboardInterrupt(f"{interrupt}; the run is saved, go on by --resume {run.path}") from None
+        raise KeyboardInterrupt(f"{interrupt}; the run is saved, continue it by --resume {run.path}") from None
     finally:
         result = run.summarise()
     if has_rerun() and not arguments.no_recording:
-        _save_recording(run.path)
+        _save_recording(run.path, arguments)
     return Answer(_prose(result), result)
 
 
@@ -90,44 +99,44 @@ def _default_directory(asked: dict[str, Any]) -> Path:
     return Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{robot}"
 
 
-def _learn(run: RunDirectory, live: bool) -> None:
-    from tqdm import tqdm
-
+def _learn(run: RunDirectory, arguments: Namespace) -> None:
     done = sum(logged.score is not None for logged in run.trials)
     with ExitStack() as stack:
-        view = stack.enter_context(closing(_live_view(run))) if live else None
-        bar = stack.enter_context(
-            tqdm(total=run.config.trials, initial=done, unit="trial", desc="learning", file=sys.stderr)
+        view = stack.enter_context(closing(_live_view(run, arguments))) if arguments.live else None
+        progress = stack.enter_context(
+            bar(arguments, total=run.config.trials, initial=done, unit="trial", desc="learning")
         )
         for logged in run.learn():
             if view is not None:
                 view.update(logged)
             if logged.score is None:
-                bar.write(f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}", sys.stderr)
+                progress.write(
+                    f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}", sys.stderr
+                )
             else:
-                bar.set_postfix_str(f"{1000 * logged.score:.1f} mm/s", refresh=False)
-                bar.update()
+                progress.set_postfix_str(f"{1000 * logged.score:.1f} mm/s", refresh=False)
+                progress.update()
 
 
-def _live_view(run: RunDirectory) -> LiveView:
+def _live_view(run: RunDirectory, arguments: Namespace) -> LiveView:
     from vvvaltr.controller.view.showing import live_view
 
     view = live_view(run)
     try:
         view.open_window()
-    except UserError:  # a robot's own computer has no screen; another one looks through an ssh tunnel
-        print(f"live at {view.url}: rerun --connect {view.url}", file=sys.stderr, flush=True)
+    except UserError:  # a robot's own computer has no screen; another one can watch through an ssh tunnel
+        say(arguments, f"the live view has no screen here; to watch it, type rerun --connect {view.url}")
     return view
 
 
-def _save_recording(run: Path) -> None:
+def _save_recording(run: Path, arguments: Namespace) -> None:
     from vvvaltr.controller.view.showing import save_run
 
-    print("making the Rerun recording", file=sys.stderr, flush=True)
+    say(arguments, "writing the Rerun recording")
     try:
         save_run(run, run / "run.rrd")
     except UserError as error:  # the trials and the summary are safe
-        print(f"no Rerun recording: {error}; vvvaltr view {run} makes it anew", file=sys.stderr, flush=True)
+        say(arguments, f"no Rerun recording: {error}; the run is saved, and vvvaltr view {run} shows it")
 
 
 def _prose(result: dict[str, Any]) -> str:
@@ -148,8 +157,9 @@ def _mm_s(speed_m_s: float) -> str:
 
 
 COMMAND = Command(
-    help="find a good gait by trying, in few trials",
+    help="find a fast gait in few trials",
     example="vvvaltr learn --robot planar --trials 40 --seed 1 --out runs/flat",
     add_arguments=_add_arguments,
     execute=_execute,
+    details=method_details,
 )

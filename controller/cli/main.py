@@ -14,28 +14,39 @@ from typing import Any
 
 from vvvaltr import __version__
 from vvvaltr.controller.cli.answer import Answer, Command
-from vvvaltr.controller.core.errors import DeviceError, TrackingLost, UserError
+from vvvaltr.controller.cli.parser import Details, Parser
+from vvvaltr.controller.cli.telling import add_telling_arguments, log_to_standard_error
+from vvvaltr.controller.core.errors import DeviceError, NotUnderstood, TrackingLost, UserError
 from vvvaltr.controller.core.signals import interrupt_on_signals
 
-COMMANDS = ("learn", "run", "landscape", "view", "mock", "check", "calibrate", "experiment", "report", "import")
+GROUPS = {
+    "find a gait": ("learn", "trial", "landscape", "experiment"),
+    "look at what was measured": ("view", "report", "import"),
+    "set a robot up": ("check", "calibrate", "mock"),
+    "this program": ("completion",),
+}
+COMMANDS = tuple(name for names in GROUPS.values() for name in names)
 MODULES = {"import": "import_trials"}  # a module cannot be called by a keyword
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
+    """Run the command line; returns 0 done, 1 failed, 2 not understood, 130 interrupted."""
     interrupt_on_signals()
     # Before numpy is imported: at these sizes its threads gain nothing, and their number would change the last bits.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     parsed = argparse.Namespace(debug=False)
     try:
-        parsed = _parser().parse_args(arguments)
+        parsed = make_parser().parse_args(arguments)
+        log_to_standard_error(parsed)
         return _print(parsed.execute(parsed), as_json=parsed.json)
     except KeyboardInterrupt as interrupt:
         return _fail(f"interrupted ({interrupt})" if str(interrupt) else "interrupted", 130)
+    except NotUnderstood as error:
+        return _fail(str(error), 2)
     except (UserError, DeviceError, TrackingLost) as error:
         return _fail(str(error), 1)
     except BrokenPipeError:
-        sys.stderr.close()  # nobody reads on; the interpreter would complain at exit
+        sys.stderr.close()  # the reader of our output has ended; the interpreter would complain at exit
         return 1
     except OSError as error:
         return _fail(_refusal(error), 1)
@@ -43,29 +54,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(_defect(error, show_traceback=parsed.debug), 1)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def make_parser(commands_help: str = argparse.SUPPRESS) -> Parser:
+    """Return the parser of the whole command line; its help lists the commands by group, unless told otherwise."""
+    parser = Parser(
         prog="vvvaltr",
-        description="Finds good gaits for a vibration-driven tensegrity robot, and carries them to the next condition.",
-        epilog="example: vvvaltr learn --robot planar --trials 40 --seed 1",
-        allow_abbrev=False,
+        description="Finds good gaits for a vibration-driven tensegrity robot, and carries what it learned\n"
+        "to the next ground, body or robot. Each command explains itself: vvvaltr COMMAND --help",
+        example="vvvaltr learn --robot planar --trials 40 --seed 1",
+        details=_commands_by_group,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    commands = parser.add_subparsers(prog="vvvaltr", metavar="COMMAND", required=True, help=commands_help)
     for name in COMMANDS:
-        command: Command = importlib.import_module(f"vvvaltr.controller.cli.{MODULES.get(name, name)}").COMMAND
+        command = _command(name)
         command_parser = commands.add_parser(
             name,
             help=command.help,
-            description=command.help,
-            epilog=f"example: {command.example}",
-            allow_abbrev=False,
+            description=_sentence(command.help),
+            example=command.example,
+            details=command.details,
         )
         command.add_arguments(command_parser)
-        command_parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
-        command_parser.add_argument("--debug", action="store_true", help="show where an unexpected error came from")
+        add_telling_arguments(command_parser)
         command_parser.set_defaults(execute=command.execute)
     return parser
+
+
+def _command(name: str) -> Command:
+    command: Command = importlib.import_module(f"vvvaltr.controller.cli.{MODULES.get(name, name)}").COMMAND
+    return command
+
+
+def _commands_by_group() -> Details:
+    return {title: {name: _command(name).help for name in names} for title, names in GROUPS.items()}
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 class _Version(argparse.Action):

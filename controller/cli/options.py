@@ -5,7 +5,16 @@ from __future__ import annotations
 import math
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
+
+from vvvaltr.controller.cli.parser import Details
+from vvvaltr.controller.core.errors import NotUnderstood
+from vvvaltr.controller.core.spelling import unknown
+from vvvaltr.controller.loop.scoring import SCORES
+
+TWINS = ("planar", "spatial")
+LAWS = ("eccentric", "constant")
 
 
 def number(low: float = -math.inf, above: float = -math.inf, high: float = math.inf) -> Callable[[str], float]:
@@ -42,6 +51,18 @@ def whole(low: int) -> Callable[[str], int]:
     return convert
 
 
+def one_of(*kinds: str) -> Callable[[str], tuple[str, ...]]:
+    """Return an argument type: one or more of ``kinds``, separated by commas."""
+
+    def convert(text: str) -> tuple[str, ...]:
+        chosen = tuple(text.split(","))
+        if wrong := [kind for kind in chosen if kind not in kinds]:
+            raise ArgumentTypeError(unknown("value", wrong[0], kinds))
+        return tuple(kind for kind in kinds if kind in chosen)
+
+    return convert
+
+
 trial_duration = number(low=0.1)
 """The argument type of a trial's duration in s: long enough to see the robot move."""
 
@@ -49,14 +70,28 @@ trial_duration = number(low=0.1)
 def add_robot_arguments(parser: ArgumentParser) -> None:
     """Declare which robot, and a twin's condition."""
     group = parser.add_argument_group("robot")
-    group.add_argument("--robot", metavar="NAME", help="planar, spatial, or a robot's file FILE.toml (default planar)")
-    group.add_argument("--seed", type=whole(0), help="of every random stream (default 0)")
+    group.add_argument(
+        "--robot",
+        metavar="NAME",
+        help="a twin, planar or spatial, or a robot's file FILE.toml (default planar)",
+    )
+    group.add_argument("--seed", type=whole(0), metavar="N", help="seed of every random stream (default 0)")
     twin = parser.add_argument_group("condition of a twin")
-    twin.add_argument("--body", help="prism3 or icosahedron6 (default: planar prism3, spatial icosahedron6)")
-    twin.add_argument("--law", choices=("eccentric", "constant"), help="force law of the motors (default eccentric)")
-    twin.add_argument("--world", help="flat, hills or slope, with details as in hills:height_m=0.006 (default flat)")
-    twin.add_argument("--gravity", dest="gravity_m_s2", metavar="M_S2", type=number(above=0), help="default 9.81")
-    twin.add_argument("--friction", type=number(low=0), help="coefficient of the ground (default 0.5)")
+    twin.add_argument("--body", metavar="NAME", help="prism3 (default of planar) or icosahedron6 (default of spatial)")
+    twin.add_argument(
+        "--law", choices=LAWS, metavar="NAME", help="force law of the motors: eccentric (default) or constant"
+    )
+    twin.add_argument(
+        "--world",
+        metavar="GROUND",
+        help="flat, hills or slope; settings as in hills:height_m=0.006 (default flat)",
+    )
+    twin.add_argument(
+        "--gravity", dest="gravity_m_s2", metavar="M_S2", type=number(above=0), help="gravity in m/s^2 (default 9.81)"
+    )
+    twin.add_argument(
+        "--friction", metavar="MU", type=number(low=0), help="Coulomb coefficient of the ground (default 0.5)"
+    )
     twin.add_argument(
         "--damage",
         action="append",
@@ -68,8 +103,52 @@ def add_robot_arguments(parser: ArgumentParser) -> None:
 def add_trial_arguments(parser: ArgumentParser) -> None:
     """Declare how a trial is run and scored."""
     group = parser.add_argument_group("trial")
-    group.add_argument("--duration", dest="duration_s", metavar="S", type=trial_duration, help="default 5")
-    group.add_argument("--score", choices=("net", "path", "forward"), help="what counts as speed (default net)")
+    group.add_argument(
+        "--duration",
+        dest="duration_s",
+        metavar="S",
+        type=trial_duration,
+        help="time that the motors are driven, in s (default 5)",
+    )
+    group.add_argument(
+        "--score",
+        choices=tuple(SCORES),
+        metavar="NAME",
+        help=f"what counts as speed: {', '.join(SCORES)} (default net)",
+    )
+
+
+def score_details() -> Details:
+    """Return the section of a help text that explains the scores."""
+    return {"scores (--score)": {name: score.description for name, score in SCORES.items()}}
+
+
+def method_details() -> Details:
+    """Return the sections of a help text that explain the methods and the scores."""
+    from vvvaltr.transfer.methods.registry import METHODS
+
+    return {"methods (--method)": {name: method.description for name, method in METHODS.items()}, **score_details()}
+
+
+def add_robot_file_arguments(parser: ArgumentParser) -> None:
+    """Declare the robot's file, by its place or as an option."""
+    parser.add_argument("robot_file", nargs="?", type=Path, metavar="ROBOT.toml", help="the robot's file")
+    parser.add_argument("--robot", type=Path, metavar="FILE", help="the same, as an option")
+
+
+def chosen_robot_file(arguments: Namespace, command: str, purpose: str) -> Path | None:
+    """Return the robot's file, None if none is named; ``purpose`` says what the command is for.
+
+    Raises:
+        NotUnderstood: two are named, or a twin.
+    """
+    example = f"vvvaltr {command} robot.toml"
+    path: Path | None = arguments.robot_file or arguments.robot
+    if arguments.robot_file and arguments.robot:
+        raise NotUnderstood(f"{command} takes one robot: leave out {path} or --robot {arguments.robot}")
+    if path is not None and str(path) in TWINS and not path.exists():
+        raise NotUnderstood(f"{path} is a twin; {command} {purpose}: name its file, as in {example}")
+    return path
 
 
 _ROBOT_KEYS = ("body", "law", "world", "gravity_m_s2", "friction", "damage")
@@ -83,15 +162,3 @@ def asked_robot(arguments: Namespace) -> dict[str, Any]:
     if "damage" in asked:
         asked["damage"] = tuple(asked["damage"])
     return asked
-
-
-def one_of(*kinds: str) -> Callable[[str], tuple[str, ...]]:
-    """Return an argument type: one or more of ``kinds``, separated by commas."""
-
-    def convert(text: str) -> tuple[str, ...]:
-        chosen = tuple(text.split(","))
-        if wrong := [kind for kind in chosen if kind not in kinds]:
-            raise ArgumentTypeError(f"{wrong[0]!r} is not one of {', '.join(kinds)}")
-        return tuple(kind for kind in kinds if kind in chosen)
-
-    return convert

@@ -11,8 +11,8 @@ from vvvaltr.controller.core.errors import UserError
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("campaign", type=Path, metavar="DIR", help="the --out of vvvaltr experiment")
-    parser.add_argument("--markdown", action="store_true", help="print the tables in Markdown and write nothing")
+    parser.add_argument("campaign", type=Path, metavar="DIR", help="directory of the campaign (see vvvaltr experiment)")
+    parser.add_argument("--markdown", action="store_true", help="print the tables in Markdown instead of writing files")
 
 
 def _execute(arguments: Namespace) -> Answer:
@@ -33,7 +33,7 @@ def _execute(arguments: Namespace) -> Answer:
 
 
 COMMAND = Command(
-    help="make figures and one HTML file of what a campaign found",
+    help="write figures and one HTML file of the results of vvvaltr experiment",
     example="vvvaltr report runs/thesis",
     add_arguments=_add_arguments,
     execute=_execute,

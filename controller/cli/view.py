@@ -11,10 +11,10 @@ from vvvaltr.controller.core.errors import UserError
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("run", type=Path, metavar="RUN", help="a run's directory")
+    parser.add_argument("run", type=Path, metavar="RUN", help="directory of the run")
     how = parser.add_mutually_exclusive_group()
-    how.add_argument("--save", type=Path, metavar="FILE.rrd", help="write the recording instead of showing it")
-    how.add_argument("--web", action="store_true", help="show it in the web browser")
+    how.add_argument("--save", type=Path, metavar="FILE.rrd", help="write the recording to a file instead")
+    how.add_argument("--web", action="store_true", help="show the run in the web browser")
 
 
 def _execute(arguments: Namespace) -> Answer:
@@ -40,7 +40,7 @@ def _show(run: Path, web: bool) -> Answer:
 
 
 COMMAND = Command(
-    help="look at a run in Rerun",
+    help="show a run in Rerun",
     example="vvvaltr view runs/flat",
     add_arguments=_add_arguments,
     execute=_execute,

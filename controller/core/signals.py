@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
-_PATIENCE_S = 3.0  # how long a stop may take before a second signal may break into it
-_SOON_S = 0.001
-_SHOW = sys.unraisablehook  # of the program that this one runs in
+_STOPPING_S = 3.0  # how long a stop may take before a second signal may break into it
+_RETRY_AFTER_S = 0.001
+_SHOW_UNRAISABLE = sys.unraisablehook  # of the program that this one runs in
 
 
 class _RaiseOnce:
@@ -24,31 +24,31 @@ class _RaiseOnce:
         self._name = ""
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        if time.monotonic() - self._raised_s > _PATIENCE_S:
+        if time.monotonic() - self._raised_s > _STOPPING_S:
             self._raised_s = time.monotonic()
             self._name = signal.Signals(number).name
             raise KeyboardInterrupt(self._name)
 
-    def retry(self, unraisable: UnraisableHookArgs) -> None:
-        """Have the interrupt raised soon again that Python dropped: it came where nothing can be raised."""
+    def raise_later(self, unraisable: UnraisableHookArgs) -> None:
+        """Schedule an interrupt that Python dropped, because it came where nothing can be raised, once more."""
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            signal.setitimer(signal.ITIMER_REAL, _SOON_S)
+            signal.setitimer(signal.ITIMER_REAL, _RETRY_AFTER_S)
         else:
-            _SHOW(unraisable)
+            _SHOW_UNRAISABLE(unraisable)
 
-    def again(self, number: int, frame: FrameType | None) -> None:
-        """Raise what was dropped."""
+    def raise_again(self, number: int, frame: FrameType | None) -> None:
+        """Raise the interrupt that was dropped."""
         raise KeyboardInterrupt(self._name)
 
 
 def interrupt_on_signals() -> None:
-    """Make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt, also where a shell's background ignores SIGINT.
+    """Make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt, even where a shell's background job ignores SIGINT.
 
-    An interrupt that comes while a finalizer or a callback from C runs would be lost, and the motors would run on: it
-    is raised again, with the help of SIGALRM.
+    Python drops an exception that is raised in a finalizer or in a callback from C, and the motors would run on. Such
+    an interrupt is raised again 1 ms later, by SIGALRM.
     """
     raise_once = _RaiseOnce()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, raise_once)
-    signal.signal(signal.SIGALRM, raise_once.again)
-    sys.unraisablehook = raise_once.retry
+    signal.signal(signal.SIGALRM, raise_once.raise_again)
+    sys.unraisablehook = raise_once.raise_later

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 
 from vvvaltr.controller.core.values import Pose, Trial
@@ -37,8 +38,20 @@ def forward_speed(trial: Trial) -> float:
     return (ahead_m + left_m) / trial.duration_s
 
 
-SCORES: Mapping[str, Callable[[Trial], float]] = MappingProxyType(
-    {"net": net_speed, "path": path_speed, "forward": forward_speed}
+@dataclass(frozen=True, slots=True)
+class Score:
+    """What counts as speed: one line for the user, and the function from a valid trial to m/s."""
+
+    description: str
+    measure: Callable[[Trial], float]
+
+
+SCORES: Mapping[str, Score] = MappingProxyType(
+    {
+        "net": Score("distance from start to end over the time driven, as in the published experiments", net_speed),
+        "path": Score("length of the path over the time driven; it also credits circles", path_speed),
+        "forward": Score("speed along the heading at the start; negative is backward", forward_speed),
+    }
 )
 
 
@@ -50,7 +63,7 @@ def score(trial: Trial, name: str = "net") -> float:
     """
     if not trial.outcome.is_valid or trial.duration_s <= 0.0:
         raise ValueError(f"trial {trial.number} measured nothing ({trial.outcome}): it has no score")
-    return SCORES[name](trial)
+    return SCORES[name].measure(trial)
 
 
 def _distance_m(one: Pose, other: Pose) -> float:

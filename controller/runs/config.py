@@ -19,6 +19,7 @@ from vvvaltr.controller.core.values import Quantity
 from vvvaltr.controller.loop.scoring import SCORES
 from vvvaltr.controller.robot.choice import RobotChoice, option
 
+CONFIG_NAME = "run.toml"
 FORMAT = 2
 """Of `run.toml`. Format 1, of version 0.1, counts springs, struts and motors from 0; this one counts them from 1."""
 
@@ -89,12 +90,12 @@ def load_config(run: Path) -> RunConfig:
     Raises:
         UserError: there is none, or it cannot be understood.
     """
-    path = run / "run.toml"
+    path = run / CONFIG_NAME
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        cure = "name the --out of vvvaltr learn (imported trials are for --source)"
-        raise UserError(f"{run} does not hold a run: run.toml is missing; {cure}") from None
+        what = f"has no {CONFIG_NAME}, so it cannot be resumed: a new run can learn from it by --source"
+        raise UserError(f"{run} {what if run.exists() else 'is not there: name the directory of a run'}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None
     if "format" not in content:

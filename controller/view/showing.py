@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from vvvaltr.controller.core.records import Run
-from vvvaltr.controller.runs.config import RunConfig, load_config
-from vvvaltr.controller.runs.log import LOG_NAME, read_run
+from vvvaltr.controller.runs.config import CONFIG_NAME, load_config
+from vvvaltr.controller.runs.log import read_run
 from vvvaltr.controller.runs.run import RunDirectory, build_optimizer, search_space
 from vvvaltr.controller.view.recording import LiveView, save_recording, show
 from vvvaltr.controller.view.speed_maps import Learned
@@ -14,14 +14,14 @@ from vvvaltr.controller.view.speed_maps import Learned
 
 def save_run(path: Path, recording: Path) -> None:
     """Write the run in directory ``path`` as a Rerun recording. Raises UserError if there is none."""
-    config, run = load_config(path), read_run(path / LOG_NAME)
-    save_recording(run, recording, path.name, _learned(config, run))
+    run = read_run(path)
+    save_recording(run, recording, path.name, _learned(path, run))
 
 
 def show_run(path: Path, web: bool) -> None:
     """Open the run in directory ``path`` in Rerun, or in the browser. Raises UserError if there is none."""
-    config, run = load_config(path), read_run(path / LOG_NAME)
-    show(run, path.name, _learned(config, run), web=web)
+    run = read_run(path)
+    show(run, path.name, _learned(path, run), web=web)
 
 
 def live_view(run: RunDirectory) -> LiveView:
@@ -29,8 +29,11 @@ def live_view(run: RunDirectory) -> LiveView:
     return LiveView(run.logged, run.path.name, Learned(run.space, run.optimizer.predict))
 
 
-def _learned(config: RunConfig, run: Run) -> Learned | None:
-    """Return what the run has learned: its optimiser, told everything again."""
+def _learned(path: Path, run: Run) -> Learned | None:
+    """Return what the run has learned: its optimiser, told everything again; None for trials that a person made."""
+    if not (path / CONFIG_NAME).exists():
+        return None
+    config = load_config(path)
     scored = [(logged.trial.gait, logged.score) for logged in run.trials if logged.score is not None]
     if not scored:
         return None

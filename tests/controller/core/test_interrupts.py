@@ -29,7 +29,7 @@ def test_an_interrupted_trial_ends_with_the_status_of_an_interrupt(
 def test_an_interrupt_while_the_commands_are_imported_is_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(cli, "_parser", interrupted)
+    monkeypatch.setattr(cli, "make_parser", interrupted)
 
     assert main(["learn"]) == 130
     assert capsys.readouterr().err == "vvvaltr: interrupted (SIGINT)\n"
@@ -39,7 +39,7 @@ def test_a_full_disk_is_told_with_its_cure(monkeypatch: pytest.MonkeyPatch, caps
     def full() -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(cli, "_parser", full)
+    monkeypatch.setattr(cli, "make_parser", full)
 
     assert main(["learn"]) == 1
     assert "No space left on device; free some space" in capsys.readouterr().err

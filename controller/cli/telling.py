@@ -1,0 +1,57 @@
+"""What is told on standard error while a command works: lines, progress bars, and what the rooms below log."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
+
+
+def add_telling_arguments(parser: ArgumentParser) -> None:
+    """Declare how much is told, and how."""
+    group = parser.add_argument_group("output")
+    group.add_argument("--json", action="store_true", help="print one JSON object as the last line of standard output")
+    how_much = group.add_mutually_exclusive_group()
+    how_much.add_argument("-v", "--verbose", action="store_true", help="also tell each step on standard error")
+    how_much.add_argument("-q", "--quiet", action="store_true", help="tell errors only; no progress bar")
+    group.add_argument("--debug", action="store_true", help="show the traceback of an unexpected error")
+
+
+def say(arguments: Namespace, line: str) -> None:
+    """Tell the person one line, unless they asked for quiet."""
+    if not arguments.quiet:
+        print(line, file=sys.stderr, flush=True)
+
+
+def bar(arguments: Namespace, stream: Iterable[Any] | None = None, **more: Any) -> tqdm[Any]:
+    """Return a progress bar as tqdm makes it, unseen where the person asked for quiet."""
+    from tqdm import tqdm
+
+    return tqdm(stream, file=sys.stderr, disable=arguments.quiet or more.pop("disable", False), **more)
+
+
+def log_to_standard_error(arguments: Namespace) -> None:
+    """Show what the rooms log: warnings, with ``--verbose`` each step, with ``--quiet`` errors alone."""
+    level = logging.DEBUG if arguments.verbose else logging.ERROR if arguments.quiet else logging.WARNING
+    handler = _AboveTheBar()
+    handler.setFormatter(
+        logging.Formatter("%(asctime)s %(name)s: %(message)s" if arguments.verbose else "vvvaltr: %(message)s")
+    )
+    logger = logging.getLogger("vvvaltr")
+    logger.handlers = [handler]
+    logger.setLevel(level)
+
+
+class _AboveTheBar(logging.Handler):
+    """Writes to standard error, above a progress bar if there is one."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if tqdm := sys.modules.get("tqdm"):
+            tqdm.tqdm.write(self.format(record), file=sys.stderr)
+        else:
+            print(self.format(record), file=sys.stderr, flush=True)

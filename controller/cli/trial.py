@@ -1,0 +1,165 @@
+"""`vvvaltr trial`: one gait, once or several times."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Sequence, Set
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.options import (
+    add_robot_arguments,
+    add_trial_arguments,
+    asked_robot,
+    number,
+    score_details,
+    whole,
+)
+from vvvaltr.controller.cli.telling import bar
+
+if TYPE_CHECKING:
+    from vvvaltr.controller.core.records import LoggedTrial
+    from vvvaltr.controller.core.values import Gait, Quantity
+    from vvvaltr.controller.robot.opening import Rig
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "frequency_hz", nargs="+", type=number(), metavar="F", help="frequency of each motor in Hz; 0 is off"
+    )
+    parser.add_argument(
+        "--phase", nargs="+", type=number(), default=[], metavar="RAD", help="phase of each motor in rad (default 0)"
+    )
+    parser.add_argument(
+        "--amplitude",
+        nargs="+",
+        type=number(),
+        default=[],
+        metavar="A",
+        help="amplitude of each motor, 0 to 1 (default 1)",
+    )
+    parser.add_argument("--repeats", type=whole(1), default=1, metavar="N", help="number of trials (default 1)")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="a new directory for the trials, as a run to view or to learn from"
+    )
+    add_robot_arguments(parser)
+    add_trial_arguments(parser)
+
+
+def _execute(arguments: Namespace) -> Answer:
+    from vvvaltr.controller.core.errors import one_line_errors
+    from vvvaltr.controller.core.values import Gait
+    from vvvaltr.controller.robot.opening import choose_robot, open_rig
+
+    choice = choose_robot(asked_robot(arguments))
+    rig = open_rig(choice, arguments.seed or 0)
+    with closing(rig.robot):
+        with one_line_errors():
+            gait = Gait(tuple(arguments.frequency_hz), tuple(arguments.phase), tuple(arguments.amplitude))
+            rig.robot.limits.check(gait)
+            _check_quantities(gait, rig.robot.motors.quantities, choice.name)
+        trials = _trials(rig, gait, arguments)
+    result = _result(trials, gait, arguments.out)
+    if arguments.out is not None:
+        from vvvaltr.controller.loop.learn import summary
+        from vvvaltr.controller.runs.measured import write_summary
+
+        write_summary(arguments.out, {"run": str(arguments.out), "robot": choice.name, **summary(trials)})
+    return Answer(_prose(trials, result), result, status=_status(trials))
+
+
+def _trials(rig: Rig, gait: Gait, arguments: Namespace) -> list[LoggedTrial]:
+    """Make the trials, and keep them if that was asked for."""
+    from vvvaltr.controller.studies.repeats import repeat_trial
+
+    settings = replace(rig.settings, duration_s=arguments.duration_s or rig.settings.duration_s)
+    with ExitStack() as stack:
+        record: Callable[[LoggedTrial], None] = lambda _: None  # noqa: E731
+        if arguments.out is not None:
+            from vvvaltr.controller.runs.measured import begin_measured_run
+
+            record = stack.enter_context(begin_measured_run(arguments.out, rig.robot.structure)).append
+        trials = repeat_trial(rig.robot, gait, settings, arguments.repeats, arguments.score or "net", record)
+        return list(
+            bar(
+                arguments,
+                trials,
+                total=arguments.repeats,
+                desc="repeating",
+                unit="trial",
+                disable=arguments.repeats == 1,
+            )
+        )
+
+
+def _check_quantities(gait: Gait, able: Set[Quantity], name: str) -> None:
+    """Raise ValueError for a phase or an amplitude that the motors cannot set."""
+    from vvvaltr.controller.core.values import Quantity
+
+    given = {Quantity.PHASE: any(gait.phase_rad), Quantity.AMPLITUDE: any(share != 1.0 for share in gait.amplitude)}
+    for quantity, is_given in given.items():
+        if is_given and quantity not in able:
+            raise ValueError(f"--{quantity}: the motors of {name} cannot set it; leave it out")
+
+
+def _result(trials: Sequence[LoggedTrial], gait: Gait, out: Path | None) -> dict[str, Any]:
+    """Return what was measured, as plain data; outcome and reason are those of the first trial that failed."""
+    from vvvaltr.controller.studies.repeats import mean_with_interval
+
+    telling = next((it.trial for it in trials if it.score is None), trials[-1].trial)
+    scores = [it.score for it in trials if it.score is not None]
+    result: dict[str, Any] = {
+        "outcome": telling.outcome.value,
+        "reason": telling.reason,
+        "score_m_s": sum(scores) / len(scores) if scores else None,
+        "gait_hz": list(gait.frequency_hz),
+        "duration_s": telling.duration_s,
+    }
+    if len(trials) > 1:
+        mean = mean_with_interval(scores)
+        result["repeats"] = [
+            {"outcome": it.trial.outcome.value, "reason": it.trial.reason, "score_m_s": it.score} for it in trials
+        ]
+        result["mean_m_s"] = result["score_m_s"]
+        result["low_m_s"], result["high_m_s"] = (mean.low, mean.high) if mean else (None, None)
+    return result if out is None else {**result, "run": str(out)}
+
+
+def _status(trials: Sequence[LoggedTrial]) -> int:
+    from vvvaltr.controller.core.values import Outcome
+
+    if any(it.trial.outcome is Outcome.INTERRUPTED for it in trials):
+        return 130
+    return 1 if any(it.score is None for it in trials) else 0
+
+
+def _prose(trials: Sequence[LoggedTrial], result: dict[str, Any]) -> str:
+    lines = [f"trial {it.trial.number}: {_line(it)}" for it in trials]
+    if len(trials) == 1:
+        lines = [_line(trials[0]) + ("" if trials[0].score is None else "; one trial says little, see --repeats")]
+    elif result["low_m_s"] is not None:
+        mean, low, high = (f"{1000.0 * result[key]:.1f}" for key in ("mean_m_s", "low_m_s", "high_m_s"))
+        lines.append(f"mean {mean} mm/s, 95 % interval {low} to {high} mm/s")
+    if run := result.get("run"):
+        lines += [f"look at them     vvvaltr view {run}", f"learn from them  vvvaltr learn --source {run}"]
+    return "\n".join(lines)
+
+
+def _line(logged: LoggedTrial) -> str:
+    trial = logged.trial
+    ending = trial.outcome.value + (f" ({trial.reason})" if trial.reason else "")
+    if logged.score is None:
+        return f"{ending}: nothing was measured"
+    return f"{ending}: {1000.0 * logged.score:.1f} mm/s over {trial.duration_s:.2f} s"
+
+
+COMMAND = Command(
+    help="try one gait, once or several times",
+    example="vvvaltr trial 12 -14 9 --robot planar --repeats 5 --out runs/tried",
+    add_arguments=_add_arguments,
+    execute=_execute,
+    details=score_details,
+)
