@@ -22,7 +22,7 @@ def _execute(arguments: Namespace) -> Answer:
 
 COMMAND = Command(
     help="print the completion script of a shell, so that Tab completes commands and options",
-    example='eval "$(vvvaltr completion bash)"',
+    example="vvvaltr completion bash > ~/.local/share/bash-completion/completions/vvvaltr",
     add_arguments=_add_arguments,
     execute=_execute,
 )

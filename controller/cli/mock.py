@@ -1,4 +1,4 @@
-"""`vvvaltr mock`: a device to plug the controller into, with a robot that moves."""
+"""`vvvaltr mock`: a simulated device on a port, with a simulated robot."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
-from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.cli.options import TWINS
+from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
     from vvvaltr.drivers.mocking.faults import Fault
@@ -27,18 +28,19 @@ _STDIN, _STDOUT = 0, 1
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("device", choices=("qik", "odrive", "node"), help="what to be")
-    parser.add_argument("--robot", choices=("planar", "spatial"), default="planar", help="the twin that it moves")
+    parser.add_argument("device", choices=("qik", "odrive", "node"), help="device: qik, odrive or node")
+    parser.add_argument("--robot", choices=TWINS, default="planar", metavar="NAME",
+                        help="twin that the motors move: planar or spatial (default planar)")  # fmt: skip
     parser.add_argument("--tracker", default="stream", metavar="KIND", help="tracker that sees it (default stream)")
-    parser.add_argument("--link", type=Path, metavar="PATH", help="name of the port (default: in a new directory)")
+    parser.add_argument("--link", type=Path, metavar="PATH", help="name of the port (default: a new temporary one)")
     parser.add_argument(
         "--faults",
         metavar="FILE",
-        help="what goes wrong, and when: TOML or JSON; - for one JSON object a line, as it comes",
+        help="faults to inject: a TOML or JSON file, or - for standard input, one JSON object per line",
     )
-    group = parser.add_argument_group("odrive on a CAN bus instead of slcan")
-    group.add_argument("--interface", help="as python-can names it: socketcan, udp_multicast")
-    group.add_argument("--channel", help="as python-can names it: vcan0")
+    group = parser.add_argument_group("CAN bus for an odrive (default: slcan on the port)")
+    group.add_argument("--interface", metavar="NAME", help="python-can interface, such as socketcan or udp_multicast")
+    group.add_argument("--channel", metavar="NAME", help="python-can channel, such as vcan0")
 
 
 def _execute(arguments: Namespace) -> Answer | None:
@@ -50,7 +52,7 @@ def _execute(arguments: Namespace) -> Answer | None:
     if (arguments.interface is None) != (arguments.channel is None) or (
         arguments.channel and arguments.device != "odrive"
     ):
-        raise UserError("--interface and --channel go together, and with odrive alone")
+        raise NotUnderstood("--interface and --channel go together, and only with an odrive")
     takes_faults = arguments.faults == "-"
     script = load_document(Path(arguments.faults), FaultScript) if arguments.faults and not takes_faults else None
     is_over = _EndingSignal()
@@ -62,21 +64,28 @@ def _execute(arguments: Namespace) -> Answer | None:
                 arguments.device, link, arguments.robot, script.fault if script else (), bus, arguments.tracker
             )
         leaving.callback(mock.close)
-        with suppress(BrokenPipeError):  # nobody reads on: whoever started the mock has ended
-            _say({"port": mock.port, "robot_file": str(mock.robot_file), "tracker": mock.tracker})
-            _run(mock.plugged, is_over, takes_faults)
+        as_json = arguments.json or not os.isatty(_STDOUT)
+        with suppress(BrokenPipeError):  # the program that started the mock, and read its lines, has ended
+            if as_json:
+                _write({"port": mock.port, "robot_file": str(mock.robot_file), "tracker": mock.tracker})
+            else:
+                robot_file = os.path.relpath(mock.robot_file)
+                print(f"mock {arguments.device} at {mock.port}, until you press Ctrl-C")
+                print(f"next, in another terminal: vvvaltr check {robot_file}", flush=True)
+            _run(mock.plugged, is_over, takes_faults, as_json)
     return None
 
 
-def _run(plugged: PluggedDevice, is_over: Callable[[], bool], takes_faults: bool) -> None:
-    """Run until the end, and say 20 times a second what the device does."""
+def _run(plugged: PluggedDevice, is_over: Callable[[], bool], takes_faults: bool, as_json: bool) -> None:
+    """Run until the end; ``as_json`` tells 20 times a second what the device does."""
     from vvvaltr.controller.core.errors import one_line_errors
 
-    status = _Status(plugged)
+    status = _Status(plugged) if as_json else None
     faults = _FaultLines() if takes_faults else None
 
     def each_time(now_s: float) -> bool:
-        status.report(now_s)
+        if status is not None:
+            status.report(now_s)
         with one_line_errors():
             for fault in faults.read() if faults else ():
                 plugged.befall(fault)
@@ -85,25 +94,25 @@ def _run(plugged: PluggedDevice, is_over: Callable[[], bool], takes_faults: bool
     plugged.run(each_time)
 
 
-def _say(status: dict[str, Any]) -> None:
-    # A reader that is behind must not hold up the device: it misses some lines.
+def _write(status: dict[str, Any]) -> None:
+    # A slow reader must not hold up the device: it misses some lines instead.
     if select.select((), (_STDOUT,), (), 0.0)[1]:
         os.write(_STDOUT, json.dumps(status).encode() + b"\n")
 
 
 class _Status:
-    """Says what a device does."""
+    """Tells what a device does, as JSON lines on standard output."""
 
     def __init__(self, plugged: PluggedDevice) -> None:
         self._plugged = plugged
         self._next_s = time.monotonic()
 
     def report(self, now_s: float) -> None:
-        """Say it, if that is due."""
+        """Write the next line, if it is due."""
         if now_s < self._next_s:
             return
         self._next_s = max(self._next_s + _STATUS_S, now_s)
-        _say(
+        _write(
             {
                 "t_s": round(now_s, 6),
                 "applied_hz": [round(hz, 6) for hz in self._plugged.applied_hz],
@@ -120,7 +129,7 @@ class _FaultLines:
         self._text = b""
 
     def read(self) -> list[Fault]:
-        """Return what has come. Raises ValueError for what is no fault."""
+        """Return the faults that have arrived. Raises ValueError for a line that is not a fault."""
         import msgspec
 
         from vvvaltr.drivers.mocking.faults import Fault
@@ -132,22 +141,22 @@ class _FaultLines:
 
 
 class _EndingSignal:
-    """Notes that the mock is to end. A flag and no exception: the device ends between two steps, and cleans up."""
+    """Whether a signal asked the mock to end. A flag, not an exception: the device ends between two steps, cleanly."""
 
     def __init__(self) -> None:
-        self._has_come = False
+        self._is_set = False
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._come)
+            signal.signal(number, self._set)
 
     def __call__(self) -> bool:
-        return self._has_come
+        return self._is_set
 
-    def _come(self, number: int, frame: FrameType | None) -> None:
-        self._has_come = True
+    def _set(self, number: int, frame: FrameType | None) -> None:
+        self._is_set = True
 
 
 COMMAND = Command(
-    help="be a device to plug the controller into, with a robot that moves",
+    help="simulate a device on a port, with a twin that its motors move",
     example="vvvaltr mock qik --robot planar --link qik0",
     add_arguments=_add_arguments,
     execute=_execute,

@@ -38,7 +38,7 @@ class Store:
                 raise ValueError(f"{min(missing)} is missing")
             return cls(folder, msgspec.convert(content, Settings))
         except FileNotFoundError:
-            raise UserError(f"{folder} is no campaign: name the --out of vvvaltr experiment") from None
+            raise UserError(f"{folder} is not a campaign: name the directory that vvvaltr experiment wrote") from None
         except ValueError as error:  # of TOML, UTF-8 and the settings alike
             raise UserError(f"{path}: {error}; restore the file as the campaign wrote it") from None
 
@@ -61,7 +61,7 @@ class Store:
                     )
             return store
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise UserError(f"{folder} exists and is no campaign: choose another --out")
+            raise UserError(f"{folder} exists and is not a campaign: choose another --out")
         folder.mkdir(parents=True, exist_ok=True)
         _write(folder / "campaign.toml", tomli_w.dumps(msgspec.to_builtins(settings)).encode())
         return cls(folder, settings)

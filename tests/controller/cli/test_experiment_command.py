@@ -29,22 +29,22 @@ def test_an_experiment_ends_with_its_findings_and_can_be_reported(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "status", "complaint"),
     [
-        ("experiment 7 --out {new}", "'7'"),
-        ("experiment 1 --methods magic --out {new}", "'magic'"),
-        ("experiment 1 --scheduler nowhere --out {new}", "Dask"),
-        ("report {new}", "is no campaign"),
+        ("experiment 7 --out {new}", 2, "'7'"),
+        ("experiment 1 --methods gaurded --out {new}", 2, "unknown method 'gaurded' (did you mean guarded?)"),
+        ("experiment 1 --duration 4000 --out {new}", 2, "--duration is 4000"),
+        ("experiment 1 --scheduler nowhere --out {new}", 1, "Dask"),
+        ("report {new}", 1, "is not a campaign"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(
-    arguments: str, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: str, status: int, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     new = tmp_path / "new"
 
-    status = main(arguments.format(new=new).split())
+    assert main(arguments.format(new=new).split()) == status
 
     lines = capsys.readouterr().err.splitlines()
-    assert status == 1
     assert len(lines) == 1 and complaint in lines[0]
     assert not new.exists()

@@ -60,7 +60,7 @@ def test_a_run_learns_from_imported_trials(tmp_path: Path, capsys: pytest.Captur
     assert read_run(tmp_path / "run").sources[0].scores == pytest.approx((0.005, 0.002))
 
     capsys.readouterr()
-    assert main([*learn, str(tmp_path / "other"), "--score", "path"]) == 1
+    assert main([*learn, str(tmp_path / "other"), "--score", "path"]) == 2
     assert "net speed only" in capsys.readouterr().err
     assert not (tmp_path / "other").exists()
 
@@ -68,27 +68,25 @@ def test_a_run_learns_from_imported_trials(tmp_path: Path, capsys: pytest.Captur
 @pytest.mark.parametrize(
     ("table", "changed", "complaint"),
     [
-        (TABLE, {"gait": "RPM_1,RPM_9"}, "RPM_9"),
+        (TABLE, {"gait": "RPM_1,RPM_9"}, "no column 'RPM_9' (did you mean RPM_"),
         (TABLE, {"score": "Speed"}, "Speed"),
-        (TABLE, {"unit": "furlong"}, "furlong"),
-        (TABLE, {"score-unit": "inch"}, "inch"),
         (TABLE, {"duration": ""}, "--duration"),
         (TABLE.replace("600", "fast"), {}, "line 2: RPM_1 is 'fast'"),
         (TABLE.replace("40", "nan"), {}, "line 3: Displacement_mm is 'nan'"),
-        (TABLE.replace("60,40", "60"), {}, "line 3: Displacement_mm is nothing"),
+        (TABLE.replace("60,40", "60"), {}, "line 3: Displacement_mm is empty"),
         (TABLE.replace("600", "inf"), {}, "'inf'"),
-        (TABLE.replace("100", "-100"), {}, "not below 0"),
+        (TABLE.replace("100", "-100"), {}, "Displacement_mm is -100; allowed: 0 or more"),
         (TABLE.replace("2,120,0", "2,1,20,0"), {}, "line 3 has more cells than there are column names"),
-        (TABLE.replace("600", "1e300"), {}, "line 2: RPM_1 is 1e+300, which makes"),
-        (TABLE.replace("600", "-1e6"), {}, "line 2: RPM_1 is -1e+06, which makes -16666.7 Hz"),
+        (TABLE.replace("600", "1e300"), {}, "line 2: RPM_1 is 1e+300, that is"),
+        (TABLE.replace("600", "-1e6"), {}, "line 2: RPM_1 is -1e+06, that is -16666.7 Hz"),
         (
             TABLE.replace("0,100", "0,1.7e308"),
             {"score-unit": "m", "duration": "1e-3"},
-            "line 2: Displacement_mm is 1.7e+308, which makes inf m/s",
+            "line 2: Displacement_mm is 1.7e+308, that is inf m/s",
         ),
         (TABLE.splitlines()[0] + "\n", {}, "no trial"),
         ("", {}, "has nothing"),
-        (b"\x89PNG\r\n\x1a\n\x00", {}, "no table of text"),
+        (b"\x89PNG\r\n\x1a\n\x00", {}, "is not a CSV file"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(
@@ -101,7 +99,7 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     status = imported(tmp_path, table, **changed)
 
     lines = capsys.readouterr().err.splitlines()
-    assert status == 1
+    assert status == 2
     assert len(lines) == 1 and complaint in lines[0]
     assert not (tmp_path / "lab").exists()
 
@@ -132,14 +130,29 @@ def test_an_out_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.Capt
     assert f"--out {tmp_path / 'file' / 'lab'} cannot be made" in line
 
 
-@pytest.mark.parametrize("command", ["view", "learn --resume"])
-def test_imported_trials_are_no_run_to_go_on_with_but_a_source(
-    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_imported_trials_cannot_be_resumed_but_learned_from(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     imported(tmp_path)
     capsys.readouterr()
 
-    assert main([*command.split(), str(tmp_path / "lab")]) == 1
+    assert main(["learn", "--resume", str(tmp_path / "lab")]) == 1
 
     (line,) = capsys.readouterr().err.splitlines()
-    assert "run.toml is missing" in line and "--source" in line
+    assert "lab has no run.toml, so it cannot be resumed" in line and "--source" in line
+
+
+def test_imported_trials_can_be_viewed(tmp_path: Path) -> None:
+    imported(tmp_path)
+
+    assert main(["view", str(tmp_path / "lab"), "--save", str(tmp_path / "lab.rrd")]) == 0
+    assert (tmp_path / "lab.rrd").stat().st_size > 0
+
+
+@pytest.mark.parametrize(("option", "unit", "meant"), [("unit", "rmp", "rpm"), ("score-unit", "mm/sec", "mm/s")])
+def test_an_unknown_unit_is_not_understood(
+    option: str, unit: str, meant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ending:
+        imported(tmp_path, **{option: unit})
+
+    assert ending.value.code == 2
+    assert f"--{option}: unknown value {unit!r} (did you mean {meant}?)" in capsys.readouterr().err

@@ -22,7 +22,7 @@ def test_an_interrupted_trial_ends_with_the_status_of_an_interrupt(
 ) -> None:
     monkeypatch.setattr(TwinRobot, "place", interrupted)
 
-    assert main(["run", "12", "12", "12", "--robot", "planar", "--json"]) == 130
+    assert main(["trial", "12", "12", "12", "--robot", "planar", "--json"]) == 130
     assert json.loads(capsys.readouterr().out)["outcome"] == "interrupted"
 
 

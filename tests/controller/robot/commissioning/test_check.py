@@ -103,7 +103,7 @@ def test_without_a_file_ports_and_interfaces_are_listed(capsys: pytest.CaptureFi
 def test_a_bad_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "robot.toml").write_text("[tracker]\n")
 
-    assert main(["check", "--robot", str(tmp_path / "robot.toml")]) == 1
+    assert main(["check", str(tmp_path / "robot.toml")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
@@ -178,12 +178,12 @@ def copied(mock: MockProcess, tmp_path: Path, name: str = "mine.toml") -> Path:
 @pytest.mark.parametrize(
     ("answers", "complaint"),
     [
-        ("inf\n" * 9, "'inf' is not a number of at least 0 and at most 1000; nothing was kept"),
+        ("inf\n" * 9, "'inf' is not a number of at least 0 and at most 1000; nothing was saved"),
         ("1e308\n" * 9, "'1e308' is not a number"),
         ("-3\n" * 9, "'-3' is not a number"),
-        ("16\n", "the answers ended too early, nothing was kept"),
-        ("", "the answers ended too early, nothing was kept"),
-        ("3\n1\n" * 3, "nothing was kept, for this was measured: "),  # slower than the file's search begins
+        ("16\n", "the replies ended too early, nothing was saved"),
+        ("", "the replies ended too early, nothing was saved"),
+        ("3\n1\n" * 3, "nothing was saved, the curve does not fit the file: "),  # slower than the file's search begins
     ],
 )
 def test_answers_that_make_no_curve_leave_the_file_alone(
