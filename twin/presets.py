@@ -62,7 +62,8 @@ class Preset:
             time_step_s: time step of the physics; 0 for the engine's own.
 
         Raises:
-            ValueError: the body or the law is unknown, the damage is impossible, or MuJoCo is missing; one line.
+            ValueError: the body or the law is unknown, or the damage is impossible; one line.
+            UserError: MuJoCo is missing.
             Diverged: the body cannot even be put down.
         """
         if law not in self.drives:

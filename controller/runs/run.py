@@ -14,7 +14,7 @@ import msgspec
 
 from vvvaltr import __version__
 from vvvaltr.controller.core.disk import new_folder, write_whole
-from vvvaltr.controller.core.errors import UserError, one_line_errors
+from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
 from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity, Source
@@ -48,7 +48,7 @@ class RunDirectory:
             DeviceError: the robot cannot be opened.
         """
         if not path.name:
-            raise UserError("--out names no new directory: give it a name, as in runs/mine, or leave it out")
+            raise NotUnderstood("--out names no new directory: give it a name, as in runs/mine, or leave it out")
         _refuse_existing(path)
         score_name = asked.get("score", "net")
         sources = tuple(load_source(Path(name), score_name) for name in asked.get("sources", ()))

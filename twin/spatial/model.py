@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.errors import UserError
 from vvvaltr.twin.body import Body, Shape
 from vvvaltr.twin.world import Ground, Hills, Slope, World
 
@@ -74,7 +75,7 @@ def _quiet_mujoco() -> Any:
     try:
         import mujoco
     except ModuleNotFoundError:
-        raise ValueError('the spatial twin needs MuJoCo: pip install "vvvaltr[spatial]"') from None
+        raise UserError('the spatial twin needs MuJoCo: pip install "vvvaltr[spatial]"') from None
     log = mujoco.MjLogConfig.get()
     log.logto_file = log.logto_console = False
     log.set()

@@ -32,10 +32,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run
 
 
-def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str], status: int = 1) -> str:
     """Return the one line by which a command is refused."""
     capsys.readouterr()
-    assert main(arguments) == 1
+    assert main(arguments) == status
     out, err = capsys.readouterr()
     assert out == ""
     assert len(err.splitlines()) == 1
@@ -114,16 +114,17 @@ def test_a_difference_is_named_by_the_option_that_was_typed(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "status", "said"),
     [
-        (("--range", "5", "4"), "--range 5 4 is empty: give the lower frequency first"),
-        (("--range", "4", "99"), "--range: motor 1: 99 Hz is outside"),
-        (("--duration", "4000"), "--duration is 4000; allowed: 0.1 to 3600"),
-        (("--out", ""), "--out names no new directory: give it a name, as in runs/mine, or leave it out"),
+        (("--range", "5", "4"), 2, "--range 5 4 is empty: give the lower frequency first"),
+        (("--range", "4", "99"), 2, "--range: motor 1: 99 Hz is outside"),
+        (("--duration", "4000"), 2, "--duration is 4000; allowed: 0.1 to 3600"),
+        (("--out", ""), 2, "--out names no new directory: give it a name, as in runs/mine, or leave it out"),
     ],
 )
 def test_what_no_run_can_have_is_refused_before_anything_is_written(
     arguments: tuple[str, ...],
+    status: int,
     said: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -131,7 +132,7 @@ def test_what_no_run_can_have_is_refused_before_anything_is_written(
 ) -> None:
     monkeypatch.chdir(tmp_path)
 
-    assert refusal(["learn", *arguments], capsys).startswith(f"vvvaltr: {said}")
+    assert refusal(["learn", *arguments], capsys, status).startswith(f"vvvaltr: {said}")
     assert list(tmp_path.iterdir()) == []
 
 

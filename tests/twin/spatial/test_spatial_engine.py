@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vvvaltr.controller.core.errors import DeviceFault
+from vvvaltr.controller.core.errors import DeviceFault, UserError
 from vvvaltr.controller.core.values import Gait, Outcome
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.twin.bodies import icosahedron6, prism3
@@ -234,7 +234,7 @@ def test_a_state_that_stays_behind_the_clock_is_a_fault_and_not_a_robot_that_res
 def test_without_mujoco_the_error_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
 
-    with pytest.raises(ValueError, match=r'^the spatial twin needs MuJoCo: pip install "vvvaltr\[spatial\]"$'):
+    with pytest.raises(UserError, match=r'^the spatial twin needs MuJoCo: pip install "vvvaltr\[spatial\]"$'):
         spatial_robot()
 
 
