@@ -1,0 +1,94 @@
+"""Finds AprilTags 36h11 in pictures: one tag again and again near where it was last, or all that there are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vvvaltr.drivers.trackers.camera.lens import Array
+
+if TYPE_CHECKING:
+    import cv2
+
+Picture = NDArray[np.uint8]
+
+TAG_COUNT = 587
+"""How many tags the family has; ids count from 0."""
+_THRESHOLD_PX = 13  # window of the adaptive threshold: one size is enough for edges as sharp as a camera's
+_WIDE_THRESHOLD_PX = 23  # for a blurred tag
+_LEAST_SIDE = 0.6  # of the side that is expected
+_WINDOW = 4.5  # sides of the tag
+_LEAST_WINDOW_PX = 96
+
+
+def dictionary() -> cv2.aruco.Dictionary:
+    """Return the family of tags."""
+    import cv2
+
+    return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+
+
+def all_tags(grey: Picture, least_side_px: float = 20.0) -> dict[int, Array]:
+    """Return the corners, shape (4, 2), clockwise from the upper left, of each tag in a picture."""
+    return _found(_detector(max(grey.shape), least_side_px, _WIDE_THRESHOLD_PX), grey)
+
+
+class TagFinder:
+    """Follows one tag.
+
+    Args:
+        tag: its id.
+        side_px: how long a side of it is in the pictures, roughly.
+        picture_px: the longer side of the pictures.
+    """
+
+    def __init__(self, tag: int, side_px: float, picture_px: int) -> None:
+        self._tag = tag
+        self._half_px = max(_LEAST_WINDOW_PX, round(_WINDOW * side_px)) // 2
+        least_px = _LEAST_SIDE * side_px
+        self._near = _detector(2 * self._half_px, least_px, _THRESHOLD_PX)
+        self._nearly = _detector(2 * self._half_px, least_px, _WIDE_THRESHOLD_PX)
+        self._anywhere = _detector(picture_px, least_px, _THRESHOLD_PX)
+        self._last: Array | None = None
+
+    def find(self, grey: Picture) -> Array | None:
+        """Return the tag's corners, good to a pixel, shape (4, 2), clockwise from its upper left; None if unseen."""
+        corners = None
+        if self._last is not None:
+            corners = self._find_near(grey, self._last.mean(axis=0))
+        if corners is None:
+            corners = _found(self._anywhere, grey).get(self._tag)
+        self._last = corners
+        return corners
+
+    def _find_near(self, grey: Picture, centre: Array) -> Array | None:
+        left, top = (max(0, round(float(middle)) - self._half_px) for middle in centre)
+        window = grey[top : top + 2 * self._half_px, left : left + 2 * self._half_px]
+        for detector in (self._near, self._nearly):
+            if (corners := _found(detector, window).get(self._tag)) is not None:
+                return np.asarray(corners + np.array([left, top]))
+        return None
+
+
+def _found(detector: cv2.aruco.ArucoDetector, grey: Picture) -> dict[int, Array]:
+    quads, numbers, _ = detector.detectMarkers(grey)
+    if numbers is None:
+        return {}
+    return {
+        int(number): np.asarray(quad, dtype=np.float64).reshape(4, 2)
+        for number, quad in zip(np.ravel(numbers), quads, strict=True)
+    }
+
+
+def _detector(picture_px: int, least_side_px: float, widest_px: int) -> cv2.aruco.ArucoDetector:
+    import cv2
+
+    settings = cv2.aruco.DetectorParameters()
+    settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR
+    settings.adaptiveThreshWinSizeMin = _THRESHOLD_PX
+    settings.adaptiveThreshWinSizeMax = widest_px
+    settings.adaptiveThreshWinSizeStep = _WIDE_THRESHOLD_PX - _THRESHOLD_PX
+    settings.minMarkerPerimeterRate = 4.0 * least_side_px / picture_px
+    return cv2.aruco.ArucoDetector(dictionary(), settings)

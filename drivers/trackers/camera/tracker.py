@@ -1,0 +1,121 @@
+"""The camera as a tracker: listens to the process that looks through it."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import msgspec
+
+from vvvaltr.controller.core.errors import TrackingLost, UserError
+from vvvaltr.controller.core.values import Pose
+from vvvaltr.drivers.trackers.camera import messages
+from vvvaltr.drivers.trackers.camera.table import CameraTable
+
+_WATCHER = "vvvaltr.drivers.trackers.camera.watcher"
+_PATIENCE_S = 30.0  # with a camera that opens
+_LEAVE_S = 2.0
+_QUIET = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENBLAS_NUM_THREADS": "1"}
+
+
+class CameraTracker:
+    """A tracker that sees the robot's tag: satisfies ``Tracker``.
+
+    Pictures are looked at in a process of its own, so that no picture delays a command to the motors; what is lost there
+    is lost here. Poses carry the time at which the picture was taken.
+
+    Args:
+        table: the camera, its lens and its tags.
+
+    Raises:
+        UserError: OpenCV is not installed, there is no such camera, or what it sees cannot be: one line with the cure.
+    """
+
+    def __init__(self, table: CameraTable) -> None:
+        if importlib.util.find_spec("cv2") is None:
+            raise UserError("the camera needs OpenCV, which is not installed: pip install 'vvvaltr[camera]'")
+        self._table = table
+        # The newest pose, or why there is none: one attribute, for two threads share it.
+        self._newest: Pose | str = "no picture has been seen yet"
+        self._unseen, self._is_over = "", False
+        self.picture: messages.Kept | None = None
+        command = [sys.executable, "-P", "-m", _WATCHER]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env={**os.environ, **_QUIET})
+        self._thread = threading.Thread(target=self._listen, name="camera", daemon=True)
+        self._opened = threading.Event()
+        self._answer: messages.Ready | str = f"the camera did not open within {_PATIENCE_S:g} s; is it busy?"
+        try:
+            self.settings = self._start()
+        except BaseException:
+            self.close()
+            raise
+
+    def pose(self) -> Pose:
+        """Return the newest pose. Raises TrackingLost if it is too old, or there will be none."""
+        newest = self._newest
+        if isinstance(newest, str):
+            raise TrackingLost(newest)
+        age_s = time.monotonic() - newest.t_s
+        if age_s > self._table.age_limit_s:
+            limit = f"the last pose is {age_s:.2f} s old; the limit is {self._table.age_limit_s:g} s"
+            raise TrackingLost(f"{self._unseen}; {limit}" if self._unseen else limit)
+        return newest
+
+    def close(self) -> None:
+        """Let go of the camera. Idempotent."""
+        if self._process.stdin is not None and not self._process.stdin.closed:
+            self._process.stdin.close()  # by which it ends
+        try:
+            self._process.wait(_LEAVE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        if self._thread.is_alive():
+            self._thread.join()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+    def _start(self) -> messages.Ready:
+        assert self._process.stdin is not None
+        self._thread.start()
+        self._process.stdin.write(msgspec.json.encode(self._table) + b"\n")
+        self._process.stdin.flush()
+        self._opened.wait(_PATIENCE_S)
+        if isinstance(self._answer, str):
+            raise UserError(self._answer)
+        return self._answer
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self._take(msgspec.json.decode(line, type=messages.News))
+        self._lose("the camera's process has ended")
+
+    def _take(self, news: messages.News) -> None:
+        match news:
+            case messages.Seen():
+                place = (news.x_m, news.y_m, self._table.tag.height_m)
+                pose = Pose(news.t_s, place, news.yaw_rad, uncertainty_m=news.uncertainty_m)
+                self._newest, self._unseen = pose, ""
+            case messages.Unseen():
+                self._unseen = news.reason
+            case messages.Kept():
+                self.picture = news
+            case messages.Ready():
+                self._answer = news
+                self._opened.set()
+            case messages.Refused() | messages.Ended():
+                self._lose(news.reason)
+
+    def _lose(self, reason: str) -> None:
+        """Have no pose any more. The first reason is the true one."""
+        if not self._is_over:
+            self._newest, self._is_over = reason, True
+        if not self._opened.is_set():
+            self._answer = reason
+            self._opened.set()

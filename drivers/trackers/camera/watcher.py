@@ -1,0 +1,141 @@
+"""The process that looks through the camera: pictures in, lines about the robot out.
+
+Run as ``python -m vvvaltr.drivers.trackers.camera.watcher``. Its first line of standard input is the camera's table; it
+ends when its standard input does, which is when the controller ends, however that comes about.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sys
+import threading
+from contextlib import closing
+from typing import IO
+
+import msgspec
+
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.drivers.trackers.camera import messages
+from vvvaltr.drivers.trackers.camera.setup import find_view
+from vvvaltr.drivers.trackers.camera.sight import Sight, Sighting, Unseen
+from vvvaltr.drivers.trackers.camera.source import Frame, NoMorePictures, Source, open_source
+from vvvaltr.drivers.trackers.camera.table import CameraTable, TagTable
+from vvvaltr.drivers.trackers.camera.tags import Picture
+
+_KEEP_S = 1.0  # between two pictures that are kept
+_JPEG_QUALITY = 80
+_POLITE = 5  # how much the controller goes before this process
+
+
+def main() -> None:
+    """Look until there is nothing more to see, or nobody who listens."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # reaches all processes of a terminal; the controller decides
+    os.nice(_POLITE)
+    table = msgspec.json.decode(sys.stdin.buffer.readline(), type=CameraTable)
+    threading.Thread(target=_end_with, args=[sys.stdin.buffer], daemon=True).start()
+    say = _Speech(sys.stdout.buffer)
+    try:
+        watch(table, say)
+    except Exception as error:  # a defect of ours: told to the controller before it is shown
+        say(messages.Ended(f"the camera's process failed: {type(error).__name__}: {error}"))
+        raise
+
+
+class _Speech:
+    """Writes one message a line."""
+
+    def __init__(self, out: IO[bytes]) -> None:
+        self._out = out
+
+    def __call__(self, news: messages.News) -> None:
+        self._out.write(msgspec.json.encode(news) + b"\n")
+        self._out.flush()
+
+
+def watch(table: CameraTable, say: _Speech) -> None:
+    """Open the camera of a table, and say what is seen until the pictures end."""
+    import cv2
+
+    cv2.setNumThreads(1)  # a second thread gains nothing in a small window, and takes the controller's processor
+    try:
+        source = open_source(table.source, table.wanted)
+    except UserError as error:
+        say(messages.Refused(str(error)))
+        return
+    with closing(source):
+        try:
+            sight = start_sight(table, source)
+            say(_ready(source, sight))
+            _look_on(table, source, sight, say)
+        except UserError as error:
+            say(messages.Refused(str(error)))
+        except NoMorePictures as error:
+            say(messages.Ended(str(error)))
+
+
+def start_sight(table: CameraTable, source: Source) -> Sight:
+    """Return what reads the pictures of a source. Raises UserError, NoMorePictures."""
+    if table.lens is None:
+        raise UserError("tracker.lens is missing: run vvvaltr camera ROBOT calibrate first")
+    lens, applied = table.lens.lens, source.applied
+    if (lens.width_px, lens.height_px) != (applied.width_px, applied.height_px):
+        raise UserError(
+            f"the pictures are {applied.width_px} x {applied.height_px}, and the lens was calibrated at {lens.width_px} "
+            f"x {lens.height_px}: set tracker.width_px and height_px to that, or calibrate again"
+        )
+    tag = table.robot_tag
+    view = find_view(lens, tag, table.floor_m, table.camera_height_m, lambda: source.newest().grey)
+    if view.position_m[2] <= tag.height_m:
+        raise UserError(f"the camera would hang {view.position_m[2]:.2f} m high, below the tag: correct tag.size_m")
+    return Sight(view, tag)
+
+
+def _ready(source: Source, sight: Sight) -> messages.Ready:
+    applied, view = source.applied, sight.view
+    size = applied.width_px, applied.height_px
+    return messages.Ready(*size, applied.rate_hz, applied.exposure_s, float(view.position_m[2]), view.error_m)
+
+
+def _look_on(table: CameraTable, source: Source, sight: Sight, say: _Speech) -> None:
+    keep_s = -math.inf
+    while True:
+        frame = source.newest()
+        say(_news(frame, sight, table.tag))
+        if table.pictures and frame.t_s >= keep_s:
+            keep_s = frame.t_s + _KEEP_S
+            say(messages.Kept(frame.t_s, _jpeg(frame.grey)))
+
+
+def _news(frame: Frame, sight: Sight, tag: TagTable) -> messages.Seen | messages.Unseen:
+    try:
+        seen = sight.read(frame.grey)
+    except Unseen as unseen:
+        return messages.Unseen(frame.t_s, str(unseen))
+    return messages.Seen(frame.t_s, *robot_place(seen, tag), seen.uncertainty_m)
+
+
+def robot_place(seen: Sighting, tag: TagTable) -> tuple[float, float, float]:
+    """Return x, y and yaw of the robot that carries the tag."""
+    yaw_rad = math.remainder(seen.yaw_rad - tag.yaw_rad, math.tau)
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return seen.x_m - c * tag.x_m + s * tag.y_m, seen.y_m - s * tag.x_m - c * tag.y_m, yaw_rad
+
+
+def _jpeg(grey: Picture) -> bytes:
+    import cv2
+
+    done, data = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    if not done:
+        raise ValueError("a picture cannot be written as JPEG")
+    return data.tobytes()
+
+
+def _end_with(controller: IO[bytes]) -> None:
+    controller.read()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
