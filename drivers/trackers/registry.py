@@ -96,6 +96,7 @@ TRACKERS: Registry[TrackerKind[Any]] = Registry(
             "stream": "vvvaltr.drivers.trackers.stream:TRACKER",
             "qtm": "vvvaltr.drivers.trackers.qtm:TRACKER",
             "natnet": "vvvaltr.drivers.trackers.natnet:TRACKER",
+            "camera": "vvvaltr.drivers.trackers.camera:TRACKER",
         }
     ),
 )

@@ -86,8 +86,7 @@ def _looks(lens: Lens, numbers: Sequence[int], next_picture: NextPicture) -> dic
         if all(len(looks) >= LOOKS for looks in seen.values()):
             return seen
     hidden = [str(number) for number in numbers if len(seen[number]) < LOOKS]
-    others = sorted(set(tags) - set(numbers))
-    also = f" (it sees {', '.join(map(str, others))})" if others else ""
+    also = f" (it sees {', '.join(map(str, sorted(tags)))})" if tags else ""
     raise UserError(
         f"the camera does not see tag {' and tag '.join(hidden)}{also}: put the whole tag with its white margin into "
         "the picture, in even light; vvvaltr camera ROBOT show draws what it sees"

@@ -22,7 +22,7 @@ _FRAMES = "frames:"
 _SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".tif", ".tiff"})
 _MANUAL = 1.0  # Video4Linux: exposure as told, not by the camera's own rule
 _EXPOSURE_UNIT_S = 1e-4  # Video4Linux
-_LOOK_S = 0.001  # between two looks for a picture of another program
+_LOOK_S = 0.002  # between two looks for a picture of another program
 _STALE = 1.2  # periods: a picture that has waited for longer is passed over
 _MOST_SKIPPED = 8  # pictures that a driver may have kept back
 
@@ -165,9 +165,9 @@ def _applied(capture: cv2.VideoCapture, wanted: Wanted) -> Wanted:
         capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, _MANUAL)
         capture.set(cv2.CAP_PROP_EXPOSURE, wanted.exposure_s / _EXPOSURE_UNIT_S)
         exposure_s = max(0.0, capture.get(cv2.CAP_PROP_EXPOSURE) * _EXPOSURE_UNIT_S)
-    size = (round(capture.get(which)) for which in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    width, height = round(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), round(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
     rate_hz = capture.get(cv2.CAP_PROP_FPS)
-    return Wanted(*size, rate_hz if rate_hz > 0.0 else wanted.rate_hz, exposure_s)
+    return Wanted(width, height, rate_hz if rate_hz > 0.0 else wanted.rate_hz, exposure_s)
 
 
 class FilmSource:
@@ -248,7 +248,9 @@ class SharedSource:
         try:
             self._reader = FrameReader(path)
         except OSError as error:
-            raise UserError(f"tracker.source: {path}: {error.strerror}; is the program that writes it running?") from None
+            raise UserError(
+                f"tracker.source: {path}: {error.strerror}; is the program that writes it running?"
+            ) from None
         except ValueError as error:
             raise UserError(f"tracker.source: {path}: {error}") from None
         self.applied = Wanted(self._reader.width_px, self._reader.height_px)
@@ -266,7 +268,7 @@ class SharedSource:
         self._reader.close()
 
 
-def _grey(picture: Picture) -> Picture:
+def _grey(picture: cv2.typing.MatLike) -> Picture:
     import cv2
 
-    return picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+    return np.asarray(picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)

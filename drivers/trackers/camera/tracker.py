@@ -25,8 +25,8 @@ _QUIET = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENBLA
 class CameraTracker:
     """A tracker that sees the robot's tag: satisfies ``Tracker``.
 
-    Pictures are looked at in a process of its own, so that no picture delays a command to the motors; what is lost there
-    is lost here. Poses carry the time at which the picture was taken.
+    A process of its own looks at the pictures, so that none of them delays a command to the motors. Poses carry
+    the time at which the picture was taken; their height is the tag's.
 
     Args:
         table: the camera, its lens and its tags.
@@ -48,7 +48,7 @@ class CameraTracker:
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env={**os.environ, **_QUIET})
         self._thread = threading.Thread(target=self._listen, name="camera", daemon=True)
         self._opened = threading.Event()
-        self._answer: messages.Ready | str = f"the camera did not open within {_PATIENCE_S:g} s; is it busy?"
+        self._answer: messages.Ready | str = f"the camera gave no pictures within {_PATIENCE_S:g} s; is it plugged in?"
         try:
             self.settings = self._start()
         except BaseException:
@@ -94,7 +94,7 @@ class CameraTracker:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self._take(msgspec.json.decode(line, type=messages.News))
-        self._lose("the camera's process has ended")
+        self._end("the camera's process has ended")
 
     def _take(self, news: messages.News) -> None:
         match news:
@@ -104,15 +104,17 @@ class CameraTracker:
                 self._newest, self._unseen = pose, ""
             case messages.Unseen():
                 self._unseen = news.reason
+                if isinstance(self._newest, str):
+                    self._newest = news.reason
             case messages.Kept():
                 self.picture = news
             case messages.Ready():
                 self._answer = news
                 self._opened.set()
             case messages.Refused() | messages.Ended():
-                self._lose(news.reason)
+                self._end(news.reason)
 
-    def _lose(self, reason: str) -> None:
+    def _end(self, reason: str) -> None:
         """Have no pose any more. The first reason is the true one."""
         if not self._is_over:
             self._newest, self._is_over = reason, True

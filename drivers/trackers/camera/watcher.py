@@ -82,8 +82,8 @@ def start_sight(table: CameraTable, source: Source) -> Sight:
     lens, applied = table.lens.lens, source.applied
     if (lens.width_px, lens.height_px) != (applied.width_px, applied.height_px):
         raise UserError(
-            f"the pictures are {applied.width_px} x {applied.height_px}, and the lens was calibrated at {lens.width_px} "
-            f"x {lens.height_px}: set tracker.width_px and height_px to that, or calibrate again"
+            f"the pictures are {applied.width_px} x {applied.height_px} pixels, and the lens was calibrated at "
+            f"{lens.width_px} x {lens.height_px}: set tracker.width_px and height_px to that, or calibrate again"
         )
     tag = table.robot_tag
     view = find_view(lens, tag, table.floor_m, table.camera_height_m, lambda: source.newest().grey)

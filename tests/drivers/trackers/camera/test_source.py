@@ -1,0 +1,131 @@
+"""Where pictures come from, and what is said when they do not."""
+
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.drivers.trackers.camera.frames import FrameReader, FrameWriter
+from vvvaltr.drivers.trackers.camera.source import NoMorePictures, Wanted, device_problem, open_source
+
+FAST = Wanted(rate_hz=100.0)
+
+
+def grey(level: int) -> np.ndarray:
+    return np.full((48, 64), level, np.uint8)
+
+
+def test_a_folder_of_pictures_is_shown_in_order_at_its_rate_and_then_ends(tmp_path):
+    for number in range(5):
+        cv2.imwrite(str(tmp_path / f"{number:03}.png"), grey(10 * number))
+    (tmp_path / "notes.txt").write_text("no picture")
+    source = open_source(str(tmp_path), FAST)
+    frames = [source.newest() for _ in range(3)]
+    levels = [int(frame.grey[0, 0]) for frame in frames]
+    assert levels == sorted(levels)
+    assert frames[1].t_s - frames[0].t_s >= 0.0099
+    assert source.applied == Wanted(64, 48, 100.0)
+    with pytest.raises(NoMorePictures, match="have ended"):
+        for _ in range(5):
+            source.newest()
+
+
+def test_pictures_that_are_late_are_passed_over(tmp_path):
+    for number in range(50):
+        cv2.imwrite(str(tmp_path / f"{number:03}.png"), grey(number))
+    source = open_source(str(tmp_path), FAST)
+    source.newest()
+    time.sleep(0.1)
+    frame = source.newest()
+    assert frame.grey[0, 0] >= 9
+    assert time.monotonic() - frame.t_s < 0.05
+
+
+def test_a_film_is_shown_in_real_time_and_then_ends(tmp_path):
+    path = tmp_path / "film.avi"
+    film = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 50.0, (64, 48))
+    for number in range(10):
+        film.write(np.full((48, 64, 3), 20 * number, np.uint8))
+    film.release()
+    source = open_source(str(path), FAST)
+    frames = []
+    with pytest.raises(NoMorePictures, match=r"film\.avi has ended"):
+        while True:
+            frames.append(source.newest())
+    source.close()
+    assert (source.applied.width_px, source.applied.height_px, source.applied.rate_hz) == (64, 48, 50.0)
+    assert len(frames) > 5
+    assert np.diff([frame.t_s for frame in frames]).min() > 0.015
+    assert frames[-1].grey.shape == (48, 64)
+
+
+def test_another_programs_newest_picture_is_taken_and_each_only_once(tmp_path):
+    writer = FrameWriter(tmp_path / "frames", 64, 48)
+    for level in range(9):
+        writer.write(100.0 + level, grey(level))
+    source = open_source(f"frames:{tmp_path / 'frames'}", FAST)
+    frame = source.newest()
+    assert (frame.t_s, frame.grey[0, 0], frame.grey.shape) == (108.0, 8, (48, 64))
+    reader = FrameReader(tmp_path / "frames")
+    assert reader.newest(after=8) is None
+    writer.write(109.0, grey(9))
+    assert reader.newest(after=8)[1] == 109.0
+    assert source.newest().t_s == 109.0
+
+
+def test_a_picture_of_another_size_is_not_handed_on(tmp_path):
+    writer = FrameWriter(tmp_path / "frames", 64, 48)
+    with pytest.raises(ValueError, match="shape"):
+        writer.write(0.0, np.zeros((64, 48), np.uint8))
+
+
+@pytest.mark.parametrize("content", [b"", b"vvvaltr1", b"\0" * 5000, b"vvvaltr1" + b"\xff" * 5000])
+def test_a_file_that_holds_no_pictures_is_refused_with_its_name(tmp_path, content):
+    path = tmp_path / "frames"
+    path.write_bytes(content)
+    with pytest.raises(UserError, match=f"{path}: it"):
+        open_source(f"frames:{path}", FAST)
+
+
+def test_a_program_that_is_not_running_is_asked_for(tmp_path):
+    with pytest.raises(UserError, match=r"No such file.*running\?"):
+        open_source(f"frames:{tmp_path / 'none'}", FAST)
+
+
+def test_a_film_that_is_not_there_is_named():
+    with pytest.raises(UserError, match=r"there is no film or folder nowhere\.mp4"):
+        open_source("nowhere.mp4", FAST)
+
+
+def test_a_file_that_is_no_film_is_named(tmp_path):
+    path = tmp_path / "letter.mp4"
+    path.write_bytes(b"Dear Sir")
+    with pytest.raises(UserError, match=r"letter\.mp4 is no film"):
+        open_source(str(path), FAST)
+
+
+def test_a_folder_without_pictures_is_named(tmp_path):
+    with pytest.raises(UserError, match="holds no pictures"):
+        open_source(str(tmp_path), FAST)
+
+
+def test_a_camera_that_is_not_there_is_answered_with_those_that_are(tmp_path):
+    assert "no camera at all" in device_problem(tmp_path / "video0")
+    (tmp_path / "video2").touch()
+    assert device_problem(tmp_path / "video0") == (
+        f"camera {tmp_path}/video0 is not there; there are {tmp_path}/video2"
+    )
+    assert device_problem(tmp_path / "video2") == ""
+
+
+def test_a_camera_that_one_may_not_use_is_answered_with_the_cure(tmp_path, monkeypatch):
+    (tmp_path / "video0").touch()
+    monkeypatch.setattr("os.access", lambda *_: False)  # the tests may run as root, who may do everything
+    assert "sudo usermod -aG video" in device_problem(tmp_path / "video0")
+
+
+def test_a_camera_that_does_not_open_is_named_with_what_may_have_it():
+    with pytest.raises(UserError, match=r"camera /dev/null does not open: another program has it"):
+        open_source("/dev/null", FAST)
