@@ -18,7 +18,7 @@ TAG_COUNT = 587
 """How many tags the family has; ids count from 0."""
 _THRESHOLD_PX = 13  # window of the adaptive threshold: one size is enough for edges as sharp as a camera's
 _WIDE_THRESHOLD_PX = 23  # for a blurred tag
-_LEAST_SIDE = 0.6  # of the side that is expected
+_LEAST_SIDE = 0.45  # of the side that is expected: a size that is wrong in the robot's file can still be told
 _WINDOW = 4.5  # sides of the tag
 _LEAST_WINDOW_PX = 96
 

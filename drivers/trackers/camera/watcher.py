@@ -26,13 +26,11 @@ from vvvaltr.drivers.trackers.camera.tags import Picture
 
 _KEEP_S = 1.0  # between two pictures that are kept
 _JPEG_QUALITY = 80
-_POLITE = 5  # how much the controller goes before this process
 
 
 def main() -> None:
     """Look until there is nothing more to see, or nobody who listens."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # reaches all processes of a terminal; the controller decides
-    os.nice(_POLITE)
     table = msgspec.json.decode(sys.stdin.buffer.readline(), type=CameraTable)
     threading.Thread(target=_end_with, args=[sys.stdin.buffer], daemon=True).start()
     say = _Speech(sys.stdout.buffer)

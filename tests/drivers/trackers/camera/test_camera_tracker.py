@@ -20,7 +20,7 @@ from vvvaltr.drivers.trackers.registry import TRACKERS
 
 
 class Robot(threading.Thread):
-    """Tells a feed 50 poses a second of a robot that moves to and fro, or that a hand hides it."""
+    """Tells a feed 25 poses a second of a robot that moves to and fro, or that a hand hides it."""
 
     def __init__(self, feed) -> None:
         super().__init__(daemon=True)
@@ -33,7 +33,7 @@ class Robot(threading.Thread):
         return 0.1 * math.sin(t_s)
 
     def run(self) -> None:
-        while not self.is_over.wait(0.02):
+        while not self.is_over.wait(0.04):
             now_s = time.monotonic()
             if self.is_hidden:
                 self._feed.send_lost(now_s)
