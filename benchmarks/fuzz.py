@@ -21,18 +21,20 @@ from dataclasses import dataclass
 from vvvaltr.controller.core.errors import DeviceError
 from vvvaltr.controller.core.values import Gait, Pose
 from vvvaltr.drivers.links.can import CanLink, Frame
-from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.links.link import Link
 from vvvaltr.drivers.mocking.can_adapter import SlcanAdapter, from_text, to_text
 from vvvaltr.drivers.node import protocol as node_protocol
 from vvvaltr.drivers.node.line import NodeLine, open_node
 from vvvaltr.drivers.node.mock import NodeDevice
+from vvvaltr.drivers.node.table import NodeMotorTable
 from vvvaltr.drivers.odrive import line as odrive
 from vvvaltr.drivers.odrive.mock import OdriveDevice
-from vvvaltr.drivers.odrive.table import Firmware
+from vvvaltr.drivers.odrive.protocol import Message, encode
+from vvvaltr.drivers.odrive.table import OdriveLineTable, OdriveMotorTable
 from vvvaltr.drivers.qik import line as qik
 from vvvaltr.drivers.qik import protocol as qik_protocol
 from vvvaltr.drivers.qik.mock import QikDevice
+from vvvaltr.drivers.qik.table import QikLineTable, QikMotorTable
 from vvvaltr.drivers.trackers.stream.tracker import decode_pose, encode_pose
 
 _CHUNK = 64
@@ -135,8 +137,9 @@ class FrameTape:
 def qik_host() -> Decoder:
     """Make the driver's ear for answers of one byte."""
     tape = Tape()
-    motors = [qik.QikMotor(0, 0, Curve(((1.0, 1.0), (127.0, 127.0)))), qik.QikMotor(1, 0, Curve(((1, 1), (127, 127))))]
-    line = qik.QikLine(tape, motors, qik.QikSettings())
+    straight = ((1.0, 1.0), (127.0, 127.0))
+    motors = tuple(QikMotorTable(board=board, output=0, max_hz=127.0, curve=straight) for board in (0, 1))
+    line = qik.QikLine(tape, QikLineTable(port="tape", motor=motors))
 
     def feed(data: bytes) -> None:
         tape.put(data)
@@ -191,14 +194,14 @@ def _frame(data: bytes) -> Frame:
 
 
 _AXIS_FRAMES = tuple(frame for axis in OdriveDevice().axes for frame in (axis.frame(m) for m in (
-    odrive.Message.HEARTBEAT, odrive.Message.ENCODER_ESTIMATES, odrive.Message.CURRENT)))  # fmt: skip
+    Message.HEARTBEAT, Message.ENCODER_ESTIMATES, Message.CURRENT)))  # fmt: skip
 _HOST_FRAMES = (
-    odrive.encode(0, odrive.Message.SET_STATE, 8),
-    odrive.encode(1, odrive.Message.SET_MODES, 2, 1),
-    odrive.encode(2, odrive.Message.SET_VELOCITY, 10.0, 0.0),
-    odrive.encode(0, odrive.Message.SET_LIMITS, _MAX_HZ, 1.0),
-    Frame(odrive.Message.ESTOP),
-    Frame(odrive.Message.CURRENT, is_remote=True),
+    encode(0, Message.SET_STATE, 8),
+    encode(1, Message.SET_MODES, 2, 1),
+    encode(2, Message.SET_VELOCITY, 10.0, 0.0),
+    encode(0, Message.SET_LIMITS, _MAX_HZ, 1.0),
+    Frame(Message.ESTOP),
+    Frame(Message.CURRENT, is_remote=True),
 )
 
 
@@ -209,7 +212,8 @@ def _packed(frames: tuple[Frame, ...]) -> tuple[bytes, ...]:
 def odrive_host() -> Decoder:
     """Make the driver's ear for frames."""
     tape = FrameTape()
-    line = odrive.OdriveLine(tape, [odrive.OdriveMotor(0, _MAX_HZ)], Firmware.NEW)  # type: ignore[arg-type]
+    table = OdriveLineTable(channel="tape", motor=(OdriveMotorTable(node=0, max_hz=_MAX_HZ),))
+    line = odrive.OdriveLine(tape, table)  # type: ignore[arg-type]
 
     def hear(frame: Frame) -> None:
         tape.put([frame])
@@ -219,7 +223,7 @@ def odrive_host() -> Decoder:
             raise AssertionError("a velocity that is no number got through")
 
     def works() -> bool:
-        hear(odrive.encode(0, odrive.Message.ENCODER_ESTIMATES, 0.0, 3.0))
+        hear(encode(0, Message.ENCODER_ESTIMATES, 0.0, 3.0))
         return line.state().frequency_hz == (3.0,)
 
     return Decoder("odrive host", lambda data: hear(_frame(data)), _packed(_AXIS_FRAMES), works)
@@ -240,7 +244,7 @@ def odrive_device() -> Decoder:
         device.reboot(0.0)
         for frame in _HOST_FRAMES[:2]:
             device.on_frame(Frame(frame.identifier & 0x1F, frame.data), 0.0)
-        device.on_frame(odrive.encode(0, odrive.Message.SET_VELOCITY, 10.0, 0.0), 0.0)
+        device.on_frame(encode(0, Message.SET_VELOCITY, 10.0, 0.0), 0.0)
         return device.applied_hz[0] == 10.0
 
     return Decoder("odrive device", feed, _packed(_HOST_FRAMES), works)
@@ -280,7 +284,7 @@ def slcan_device() -> Decoder:
         adapter.on_bytes(data, 0.0)
 
     def works() -> bool:
-        said = adapter.on_bytes(b"\rO\r" + to_text(Frame(odrive.Message.CURRENT, is_remote=True)), 0.0)
+        said = adapter.on_bytes(b"\rO\r" + to_text(Frame(Message.CURRENT, is_remote=True)), 0.0)
         return any(from_text(line) is not None for line in said.split(b"\r"))
 
     texts = (*map(to_text, _HOST_FRAMES), b"O\r", b"S6\r", b"V\r")
@@ -314,10 +318,13 @@ class Loop:
         """Nothing is to be let go of."""
 
 
+_NODE_MOTORS = (NodeMotorTable(max_hz=_MAX_HZ),) * 3
+
+
 def node_host() -> Decoder:
     """Make the driver's ear for frames of the motor node."""
     loop = Loop()
-    line: NodeLine = open_node(_link(loop))
+    line: NodeLine = open_node(_link(loop), _NODE_MOTORS)
     gait = Gait((5.0, 5.0, 5.0))
     samples = (loop.device.on_bytes(node_protocol.hello(0), 0.0), _telemetry(loop.device))
 
@@ -327,7 +334,7 @@ def node_host() -> Decoder:
             line.listen(time.monotonic() + 1e-5)
 
     def works() -> bool:
-        return open_node(_link(loop)).motor_count == gait.motor_count
+        return open_node(_link(loop), _NODE_MOTORS).motor_count == gait.motor_count
 
     return Decoder("node host", feed, samples, works)
 

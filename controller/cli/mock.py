@@ -28,7 +28,7 @@ _STDIN, _STDOUT = 0, 1
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("device", choices=("qik", "odrive", "node"), help="device: qik, odrive or node")
+    parser.add_argument("device", metavar="DEVICE", help="device: qik, odrive, node, or the driver of a plug-in")
     parser.add_argument("--robot", choices=TWINS, default="planar", metavar="NAME",
                         help="twin that the motors move: planar or spatial (default planar)")  # fmt: skip
     parser.add_argument("--tracker", default="stream", metavar="KIND", help="tracker that sees it (default stream)")
@@ -38,7 +38,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
         metavar="FILE",
         help="faults to inject: a TOML or JSON file, or - for standard input, one JSON object per line",
     )
-    group = parser.add_argument_group("CAN bus for an odrive (default: slcan on the port)")
+    group = parser.add_argument_group("CAN bus, for an odrive (default: slcan on the port)")
     group.add_argument("--interface", metavar="NAME", help="python-can interface, such as socketcan or udp_multicast")
     group.add_argument("--channel", metavar="NAME", help="python-can channel, such as vcan0")
 
@@ -49,10 +49,8 @@ def _execute(arguments: Namespace) -> Answer | None:
     from vvvaltr.controller.robot.mock import open_mock
     from vvvaltr.drivers.mocking.faults import FaultScript
 
-    if (arguments.interface is None) != (arguments.channel is None) or (
-        arguments.channel and arguments.device != "odrive"
-    ):
-        raise NotUnderstood("--interface and --channel go together, and only with an odrive")
+    if (arguments.interface is None) != (arguments.channel is None):
+        raise NotUnderstood("--interface and --channel go together: give both, or neither")
     takes_faults = arguments.faults == "-"
     script = load_document(Path(arguments.faults), FaultScript) if arguments.faults and not takes_faults else None
     is_over = _EndingSignal()

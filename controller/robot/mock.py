@@ -2,35 +2,29 @@
 
 from __future__ import annotations
 
-import random
-import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.robot.robot_file import RobotFile, SearchTable
-from vvvaltr.drivers.mocking.device import Device
 from vvvaltr.drivers.mocking.faults import Fault
 from vvvaltr.drivers.mocking.motion import Motion
 from vvvaltr.drivers.mocking.plugged import PluggedDevice
-from vvvaltr.drivers.mocking.port import Port, PtyPort
-from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable
-from vvvaltr.drivers.odrive.table import OdriveLineTable, OdriveMotorTable
-from vvvaltr.drivers.qik.table import QikLineTable, QikMotorTable
+from vvvaltr.drivers.registry import DRIVERS, MockLine
 from vvvaltr.drivers.table import LineTable, TrackerTable
 from vvvaltr.drivers.trackers.registry import TRACKERS, MockFeed
 
 if TYPE_CHECKING:
     from vvvaltr.twin.presets import Preset
 
+DEVICES = tuple(DRIVERS.built_in)
 _MARK = "# Written by vvvaltr mock, which removes it when it ends."
-_MOTORS, _MAX_HZ, _SEARCH_HZ = 3, 16.5, (4.0, 16.0)  # as far as the twins' motors go
+_SEARCH_HZ = (4.0, 16.0)  # as far as the twins' motors go
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,32 +60,43 @@ def open_mock(
     """Plug in a mock and write its robot's file beside ``link``.
 
     Args:
-        device: qik, odrive or node.
+        device: name of a driver.
         link: name of the port.
         twin: the robot that it moves, planar or spatial.
         faults: what goes wrong.
-        bus: python-can's interface and channel for an odrive that is not to be on slcan.
+        bus: python-can's interface and channel, for a device on a CAN bus instead of under ``link``.
         tracker: the kind of tracker that sees the robot.
 
     Raises:
-        UserError: the file would overwrite one of yours, or there is no mock of this tracker.
+        UserError: the file would overwrite one of yours, or there is no such mock.
         ValueError: the port's name is taken.
     """
     robot_file = link.with_name(f"{link.name}.toml")
     if robot_file.exists() and not robot_file.read_bytes().startswith(_MARK.encode()):
         raise UserError(f"{robot_file} is not a mock's file and would be overwritten; choose another --link")
     with ExitStack() as undo:
-        port, logic, line = _odrive_on_bus(*bus) if bus else _MOCKS[device](link)
-        undo.callback(port.close)
+        line = _make_line(device, link, bus)
+        undo.callback(line.port.close)
         feed = _make_feed(tracker)
         undo.callback(feed.feed.close)
         motion = Motion(_twin(twin).make(), feed.feed)
         undo.callback(motion.close)
-        mock = Mock(PluggedDevice(logic, port, motion, faults), port.name, robot_file, feed.address)
+        mock = Mock(PluggedDevice(line.device, line.port, motion, faults), line.port.name, robot_file, feed.address)
         undo.callback(robot_file.unlink, missing_ok=True)
-        robot_file.write_text(f"{_MARK}\n\n{_robot_file(twin, line, feed.table)}", encoding="utf-8")
+        robot_file.write_text(f"{_MARK}\n\n{_robot_file(twin, line.table, feed.table)}", encoding="utf-8")
         undo.pop_all()
     return mock
+
+
+def _make_line(device: str, link: Path, bus: tuple[str, str] | None) -> MockLine:
+    driver = DRIVERS.named(device)
+    if bus is not None:
+        if driver.make_bus_mock is None:
+            raise UserError(f"the mock {device} has no CAN bus: leave out --interface and --channel")
+        return driver.make_bus_mock(*bus)
+    if driver.make_mock is None:
+        raise UserError(f"the driver {device!r} has no mock; choose one of {', '.join(DEVICES)}")
+    return driver.make_mock(link)
 
 
 def _make_feed(tracker: str) -> MockFeed:
@@ -99,50 +104,6 @@ def _make_feed(tracker: str) -> MockFeed:
     if make_feed is None:
         raise UserError(f"there is no mock of the tracker {tracker!r}; choose another --tracker")
     return make_feed()
-
-
-def _qik(link: Path) -> tuple[Port, Device, LineTable]:
-    from vvvaltr.drivers.qik.mock import CURVE, QikDevice
-
-    places: tuple[tuple[int, Literal[0, 1]], ...] = ((0, 0), (0, 1), (1, 0))
-    motors = tuple(
-        QikMotorTable(board=board, output=output, max_hz=CURVE.highest_hz, curve=CURVE.points)
-        for board, output in places
-    )
-    return PtyPort(link, is_paced=True), QikDevice(places), QikLineTable(port=str(link), motor=motors)
-
-
-def _odrive(link: Path) -> tuple[Port, Device, LineTable]:
-    from vvvaltr.drivers.mocking.can_adapter import SlcanAdapter
-    from vvvaltr.drivers.odrive.mock import OdriveDevice
-
-    # A USB adapter's line is as fast as USB, whatever its baud rate.
-    return PtyPort(link, is_paced=False), SlcanAdapter(OdriveDevice(_MOTORS)), _odrive_line("slcan", str(link))
-
-
-def _odrive_on_bus(interface: str, channel: str) -> tuple[Port, Device, LineTable]:
-    from vvvaltr.drivers.mocking.can_adapter import BusPort, SlcanAdapter
-    from vvvaltr.drivers.odrive.mock import OdriveDevice
-
-    line = _odrive_line(interface, channel)
-    return BusPort(interface, channel, line.bitrate), SlcanAdapter(OdriveDevice(_MOTORS), is_open=True), line
-
-
-def _odrive_line(interface: str, channel: str) -> OdriveLineTable:
-    motors = tuple(OdriveMotorTable(node=node, max_hz=_MAX_HZ) for node in range(_MOTORS))
-    return OdriveLineTable(interface=interface, channel=channel, motor=motors)
-
-
-def _node(link: Path) -> tuple[Port, Device, LineTable]:
-    from vvvaltr.drivers.node.mock import NodeDevice
-
-    device = NodeDevice(_MOTORS, _MAX_HZ, lambda: random.getrandbits(30), time.monotonic())
-    line = NodeLineTable(port=str(link), motor=(NodeMotorTable(max_hz=_MAX_HZ),) * _MOTORS)
-    return PtyPort(link, is_paced=True), device, line
-
-
-_MOCKS: dict[str, Callable[[Path], tuple[Port, Device, LineTable]]] = {"qik": _qik, "odrive": _odrive, "node": _node}
-DEVICES = tuple(_MOCKS)
 
 
 def _twin(name: str) -> Preset:

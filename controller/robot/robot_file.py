@@ -15,9 +15,7 @@ from vvvaltr.controller.core.spelling import did_you_mean
 from vvvaltr.controller.loop.safety import Arena, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.drivers.links.curve import Curve
-from vvvaltr.drivers.node.table import NodeLineTable
-from vvvaltr.drivers.odrive.table import OdriveLineTable
-from vvvaltr.drivers.qik.table import QikLineTable
+from vvvaltr.drivers.registry import DRIVERS
 from vvvaltr.drivers.table import LineTable, MotorTable, Positive, Table, TrackerTable
 from vvvaltr.drivers.trackers.registry import TRACKERS
 
@@ -110,8 +108,8 @@ def robot_file_from(content: Any, name: str) -> RobotFile:
 def convert_robot_file(content: Any, name: str) -> RobotFile:
     """Return the plain ``content`` of a robot's file, with the tables of its devices. Raises UserError."""
     found = content if isinstance(content, dict) else {}
-    line = (QikLineTable, OdriveLineTable, NodeLineTable)
     try:
+        line = _table_types(found.get("line"), "driver", DRIVERS, "line[{}].driver")
         tracker = _table_types([found.get("tracker")], "kind", TRACKERS, "tracker.kind")
     except ValueError as error:
         raise NotUnderstood(f"{name}: {error}") from None

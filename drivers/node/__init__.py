@@ -1,1 +1,27 @@
-"""The motor node, our own closed-loop device on a serial line, with its firmware."""
+"""The motor node: closed-loop motors on a microcontroller, on a serial line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vvvaltr.drivers.node.table import NodeLineTable
+from vvvaltr.drivers.registry import Driver, MockLine
+
+if TYPE_CHECKING:
+    from vvvaltr.drivers.node.line import NodeLine
+
+
+def _open_line(table: NodeLineTable) -> NodeLine:
+    from vvvaltr.drivers.node.line import open_line
+
+    return open_line(table)
+
+
+def _make_mock(link: Path) -> MockLine:
+    from vvvaltr.drivers.node.mock import make_mock
+
+    return make_mock(link)
+
+
+DRIVER = Driver(table=NodeLineTable, open_line=_open_line, make_mock=_make_mock)

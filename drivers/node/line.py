@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
@@ -27,8 +27,8 @@ from vvvaltr.drivers.node.protocol import (
     hello,
     stop,
 )
+from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable
 
-BAUD = 460800
 SEQUENCE = "sequence"  # code of the DeviceFault of a node whose messages are out of order
 _PERIOD_S = 0.02
 _HOLD_S = 0.2  # of one set-point: ten of them lost, and the node stops the motors
@@ -39,22 +39,46 @@ _UNTAKEN = 20  # commands that the node may be behind
 _Answer = TypeVar("_Answer")
 
 
-def open_node(link: Link) -> NodeLine:
+def open_line(table: NodeLineTable) -> NodeLine:
+    """Open the port and return the motors of the node on it. Raises as ``open_node`` does."""
+    from vvvaltr.drivers.links.serial import SerialLink
+
+    return open_node(SerialLink(table.port, table.baud), table.motor)
+
+
+def open_node(link: Link, motors: Sequence[NodeMotorTable]) -> NodeLine:
     """Return the motors of the node on ``link``: greeted, at rest, without faults, telemetry coming in.
 
     Raises:
         DeviceTimeout: nothing answers like a node.
+        DeviceFault: the node is not what the robot's file says: it has another number of motors, or slower ones.
         DeviceFault: the node speaks another version of the protocol, or has a fault that cannot be cleared.
         LinkLost: the line is gone.
     """
     try:
-        return _greet(link)
+        line = _greet(link, motors)
+        _check_motors(link.name, line.welcome, motors)
     except DeviceError:
         link.close()
         raise
+    return line
 
 
-def _greet(link: Link) -> NodeLine:
+def _check_motors(name: str, welcome: Welcome, motors: Sequence[NodeMotorTable]) -> None:
+    if welcome.motor_count != len(motors):
+        raise DeviceFault(
+            "motors", f"{name}: the node has {welcome.motor_count} motors, the robot's file {len(motors)}"
+        )
+    for number, motor in enumerate(motors, start=1):
+        if motor.max_command > welcome.max_hz + 1e-9:
+            raise DeviceFault(
+                "max_hz",
+                f"{name}: motor {number} of the line: the robot's file allows {motor.max_command:g} Hz, the node's "
+                f"firmware {welcome.max_hz:g} Hz; lower max_hz in the file, or raise it in the firmware",
+            )
+
+
+def _greet(link: Link, motors: Sequence[NodeMotorTable]) -> NodeLine:
     decoder = Decoder()
     link.write(b"\0")  # ends whatever noise the node may have taken for a beginning
     welcome = _ask(link, decoder, hello(0), lambda message: message if isinstance(message, Welcome) else None)
@@ -71,7 +95,7 @@ def _greet(link: Link) -> NodeLine:
         lambda message: message if isinstance(message, Telemetry) and message.command == 1 else None,
     )
     _raise_faults(link.name, telemetry)
-    return NodeLine(link, decoder, welcome, telemetry)
+    return NodeLine(link, motors, decoder, welcome, telemetry)
 
 
 def _ask(link: Link, decoder: Decoder, command: bytes, answer: Callable[[Message], _Answer | None]) -> _Answer:
@@ -106,11 +130,19 @@ class NodeLine:
     watchdog_s = _HOLD_S
     quantities = frozenset({Quantity.FREQUENCY})
 
-    def __init__(self, link: Link, decoder: Decoder, welcome: Welcome, telemetry: Telemetry) -> None:
+    def __init__(
+        self,
+        link: Link,
+        motors: Sequence[NodeMotorTable],
+        decoder: Decoder,
+        welcome: Welcome,
+        telemetry: Telemetry,
+    ) -> None:
         self.welcome = welcome
         self.repeated = 0
         self.missed = 0
         self._link = link
+        self._curves = tuple(motor.calibration for motor in motors)
         self._decoder = decoder
         self._sequence = telemetry.command
         self._clock = RemoteClock()
@@ -140,15 +172,16 @@ class NodeLine:
 
     def check(self, gait: Gait) -> None:
         """Raise ValueError if the node cannot apply the frequencies of ``gait``."""
-        for motor, frequency in enumerate(gait.frequency_hz, start=1):
-            if abs(frequency) > self.welcome.max_hz + 1e-9:
+        for motor, command_hz in enumerate(self._commands_hz(gait), start=1):
+            if abs(command_hz) > self.welcome.max_hz + 1e-9:
                 raise ValueError(
-                    f"motor {motor}: the node turns at {self.welcome.max_hz:g} Hz at most, not {frequency:g}"
+                    f"{self.name}, motor {motor} of the line: {command_hz:g} Hz is beyond the "
+                    f"{self.welcome.max_hz:g} Hz of the node's firmware"
                 )
 
     def send(self, gait: Gait) -> None:
         """Send the set-point of all motors."""
-        self._link.write(drive(self._next(), gait.frequency_hz, _HOLD_S))
+        self._link.write(drive(self._next(), self._commands_hz(gait), _HOLD_S))
 
     repeat = send
 
@@ -180,6 +213,9 @@ class NodeLine:
     def close(self) -> None:
         """Let go of the line."""
         self._link.close()
+
+    def _commands_hz(self, gait: Gait) -> tuple[float, ...]:
+        return tuple(curve.command(hz) for curve, hz in zip(self._curves, gait.frequency_hz, strict=True))
 
     def _next(self) -> int:
         self._sequence = (self._sequence + 1) % SEQUENCES

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import random
+import time
 from collections.abc import Callable
+from pathlib import Path
 
 from vvvaltr.drivers.mocking.faults import Fault, Kind
+from vvvaltr.drivers.mocking.port import PtyPort
 from vvvaltr.drivers.node.firmware import core
 from vvvaltr.drivers.node.firmware.simulated_board import COUNTS_PER_TURN, SimulatedBoard
+from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable
+from vvvaltr.drivers.registry import MockLine
 
 _HEADROOM = 1.25  # of the frequency without load over the greatest that may be asked for
+_MOTORS, _MAX_HZ = 3, 16.5  # as far as the twins' motors go
 _RAMP_S = 0.15  # from rest to the greatest frequency
 _TICKS_PER_S = 1_000_000
 _FAULTS = {core.STALL: "stall", core.OVER_TEMPERATURE: "over_temperature"}
@@ -94,6 +101,13 @@ class NodeDevice:
                 motor.is_hot = begins
             case Kind.SILENCE:
                 self._is_silent = begins
+
+
+def make_mock(link: Path) -> MockLine:
+    """Plug in a node under the port ``link``. Raises ValueError for a name that is taken."""
+    device = NodeDevice(_MOTORS, _MAX_HZ, lambda: random.getrandbits(30), time.monotonic())
+    table = NodeLineTable(port=str(link), motor=(NodeMotorTable(max_hz=_MAX_HZ),) * _MOTORS)
+    return MockLine(PtyPort(link, is_paced=True), device, table)
 
 
 def _ticks(now_s: float) -> int:

@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import dataclass
+from pathlib import Path
 
 from vvvaltr.drivers.links.can import Frame
+from vvvaltr.drivers.mocking.can_adapter import BusPort, SlcanAdapter
 from vvvaltr.drivers.mocking.faults import Fault, Kind
+from vvvaltr.drivers.mocking.port import PtyPort
 from vvvaltr.drivers.motor_line import WATCHDOG
-from vvvaltr.drivers.odrive.line import ERRORS, AxisState, Message
-from vvvaltr.drivers.odrive.table import Firmware
+from vvvaltr.drivers.odrive.protocol import ERRORS, AxisState, Message
+from vvvaltr.drivers.odrive.table import Firmware, OdriveLineTable, OdriveMotorTable
+from vvvaltr.drivers.registry import MockLine
 
 WATCHDOG_S = 0.25
+_MOTORS, _MAX_HZ = 3, 16.5  # as far as the twins' motors go
 _HEARTBEAT_S, _ESTIMATES_S = 0.1, 0.01
 _IDLE_A, _A_PER_HZ, _STALLED_A = 0.05, 0.02, 4.0
 _ENCODERS = {
@@ -176,3 +181,22 @@ class OdriveDevice:
         self.axes = [
             OdriveAxis(axis.node, axis.firmware, is_stalled=axis.is_stalled, fed_s=now_s) for axis in self.axes
         ]
+
+
+def make_mock(link: Path) -> MockLine:
+    """Plug in axes behind an slcan adapter under the port ``link``. Raises ValueError for a name that is taken."""
+    # A USB adapter's line is as fast as USB, whatever its baud rate.
+    port = PtyPort(link, is_paced=False)
+    return MockLine(port, SlcanAdapter(OdriveDevice(_MOTORS)), _line_table("slcan", str(link)))
+
+
+def make_bus_mock(interface: str, channel: str) -> MockLine:
+    """Put axes on a CAN bus of python-can. Raises LinkLost."""
+    table = _line_table(interface, channel)
+    port = BusPort(interface, channel, table.bitrate)
+    return MockLine(port, SlcanAdapter(OdriveDevice(_MOTORS), is_open=True), table)
+
+
+def _line_table(interface: str, channel: str) -> OdriveLineTable:
+    motors = tuple(OdriveMotorTable(node=node, max_hz=_MAX_HZ) for node in range(_MOTORS))
+    return OdriveLineTable(interface=interface, channel=channel, motor=motors)

@@ -10,10 +10,8 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
 
-from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout
+from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, UserError
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.links.link import Link, discard, read_exactly
@@ -25,76 +23,33 @@ from vvvaltr.drivers.qik.protocol import (
     TELL_PERIOD_S,
     Command,
     Parameter,
-    check_baud,
-    check_commands,
-    check_timeout,
     packet,
     timeout_s,
 )
+from vvvaltr.drivers.qik.table import QikLineTable
 
 _ANSWER_S = 0.2  # line time and a USB adapter's latency come to 20 ms; the rest is for a busy computer
 _QUIET_S = 0.05  # after which nothing more is on its way
 _ATTEMPTS = 3
 
 
-@dataclass(frozen=True, slots=True)
-class QikMotor:
-    """Where a motor is connected (board's device id, output 0 or 1), how fast it turns at which command, and may turn.
-
-    Without ``max_hz`` it may turn as fast as its curve goes.
-    """
-
-    board: int
-    output: int
-    curve: Curve
-    max_hz: float = math.inf
-
-    @property
-    def greatest(self) -> int:
-        """The greatest command that does not exceed ``max_hz``."""
-        return math.floor(self.curve.command(min(self.max_hz, self.curve.highest_hz)) + 1e-6)
-
-
-@dataclass(frozen=True, slots=True)
-class QikSettings:
-    """How the boards are run.
-
-    Args:
-        eight_bit: speeds of 0 to 255 instead of 0 to 127.
-        has_crc: the boards' CRC jumper is in place.
-        timeout: the value of the serial timeout parameter; 1 is the shortest, 0.262 s.
-        spin_up_s: how long a motor that starts slowly is first given the greatest speed that it may have.
-        spin_up_below: commands that are slow in this sense.
-
-    Raises:
-        ValueError: the timeout is off, or too long.
-    """
-
-    eight_bit: bool = False
-    has_crc: bool = False
-    timeout: int = 1
-    spin_up_s: float = 0.2
-    spin_up_below: int = 25
-
-    def __post_init__(self) -> None:
-        check_timeout(self.timeout)
-
-
-def open_line(port: str, baud: int, motors: Sequence[QikMotor], settings: QikSettings) -> QikLine:
+def open_line(table: QikLineTable) -> QikLine:
     """Open the port, find all boards, switch on their watchdog, and return their motors at rest.
 
     Raises:
-        ValueError: the line is too slow for its motors, or a curve has commands that the boards do not have.
+        ValueError: the table asks for what the boards or the line do not have.
+        UserError: a motor has no curve.
         LinkLost: the port could not be opened.
         DeviceTimeout: a board does not answer.
         DeviceFault: a board does not take its configuration.
     """
     from vvvaltr.drivers.links.serial import SerialLink
 
-    check_baud(baud, len(motors), settings.has_crc)
-    for motor in motors:
-        check_commands(motor.curve.points, settings.eight_bit)
-    line = QikLine(SerialLink(port, baud), motors, settings)
+    table.check()
+    for motor in table.motor:
+        if not motor.curve:
+            raise UserError(f"line {table.port}: the motor on {motor.place} has no curve; run vvvaltr calibrate first")
+    line = QikLine(SerialLink(table.port, table.baud), table)
     try:
         line.arm()
     except BaseException:
@@ -106,10 +61,14 @@ def open_line(port: str, baud: int, motors: Sequence[QikMotor], settings: QikSet
 class QikLine:
     """The boards on one line: a ``MotorLine``."""
 
-    def __init__(self, link: Link, motors: Sequence[QikMotor], settings: QikSettings) -> None:
+    def __init__(self, link: Link, table: QikLineTable) -> None:
+        motors = table.motor
         self._link = link
-        self._motors = tuple(motors)
-        self._settings = settings
+        self._table = table
+        self._motors = motors
+        self._curves = tuple(Curve(motor.curve) for motor in motors)
+        # The greatest speed that does not exceed the motor's max_hz.
+        self._max_speeds = tuple(math.floor(motor.max_command + 1e-6) for motor in motors)
         self._boards = tuple(dict.fromkeys(motor.board for motor in motors))
         self._turns = itertools.cycle(range(len(motors)))
         self._asking = itertools.cycle(self._boards)
@@ -144,7 +103,7 @@ class QikLine:
     @property
     def watchdog_s(self) -> float:
         """The boards' serial timeout."""
-        return timeout_s(self._settings.timeout)
+        return timeout_s(self._table.timeout)
 
     @property
     def heard_s(self) -> float:
@@ -153,9 +112,9 @@ class QikLine:
 
     def check(self, gait: Gait) -> None:
         """Raise ValueError for a frequency that a calibration curve does not reach."""
-        for number, (motor, frequency_hz) in enumerate(zip(self._motors, gait.frequency_hz, strict=True), start=1):
+        for number, (curve, frequency_hz) in enumerate(zip(self._curves, gait.frequency_hz, strict=True), start=1):
             try:
-                motor.curve.command(frequency_hz)
+                curve.command(frequency_hz)
             except ValueError as error:
                 raise ValueError(f"{self.name}, motor {number} of the line: {error}") from None
 
@@ -197,7 +156,7 @@ class QikLine:
 
     def state(self) -> MotorState:
         """Return the frequencies that belong to the speeds which the boards have taken."""
-        applied_hz = tuple(m.curve.frequency_hz(speed) for m, speed in zip(self._motors, self._applied, strict=True))
+        applied_hz = tuple(c.frequency_hz(speed) for c, speed in zip(self._curves, self._applied, strict=True))
         return MotorState(self.heard_s, applied_hz, measured=False)
 
     def close(self) -> None:
@@ -212,9 +171,9 @@ class QikLine:
             pass  # answers that an earlier program had asked for
         for board in self._boards:
             self._find(board)
-            self._configure(board, Parameter.PWM, int(self._settings.eight_bit))
+            self._configure(board, Parameter.PWM, int(self._table.eight_bit))
             self._configure(board, Parameter.SHUT_DOWN, 1)
-            self._configure(board, Parameter.TIMEOUT, self._settings.timeout)
+            self._configure(board, Parameter.TIMEOUT, self._table.timeout)
         self.rest()
         for board in self._boards:
             self._query(board, Command.ERRORS)
@@ -252,32 +211,32 @@ class QikLine:
 
     def _query(self, board: int, command: Command, *data: int) -> int:
         discard(self._link)
-        self._link.write(packet(board, command, *data, has_crc=self._settings.has_crc))
+        self._link.write(packet(board, command, *data, has_crc=self._table.crc))
         return read_exactly(self._link, 1, time.monotonic() + _ANSWER_S)[0]
 
     def _want(self, gait: Gait, now_s: float) -> None:
         """Take note of the commands, negative for reverse, and of which motors are to be pushed for how long."""
-        commands = tuple(round(m.curve.command(hz)) for m, hz in zip(self._motors, gait.frequency_hz, strict=True))
+        commands = tuple(round(c.command(hz)) for c, hz in zip(self._curves, gait.frequency_hz, strict=True))
         for number, (before, after) in enumerate(zip(self._wanted, commands, strict=True)):
-            if not 0 < abs(after) < self._settings.spin_up_below:
+            if not 0 < abs(after) < self._table.spin_up_below:
                 self._pushed_until_s[number] = now_s
             elif before * after <= 0:
-                self._pushed_until_s[number] = now_s + self._settings.spin_up_s
+                self._pushed_until_s[number] = now_s + self._table.spin_up_s
         self._wanted = commands
 
     def _speed(self, number: int, now_s: float) -> bytes:
         motor, speed = self._motors[number], self._wanted[number]
         is_pushed = speed and now_s < self._pushed_until_s[number]
-        magnitude = max(abs(speed), motor.greatest) if is_pushed else abs(speed)
+        magnitude = max(abs(speed), self._max_speeds[number]) if is_pushed else abs(speed)
         self._sent[number] = -magnitude if speed < 0 else magnitude
         command = Command.SPEED + 4 * motor.output + 2 * (speed < 0) + (magnitude > 127)
-        return packet(motor.board, command, magnitude & 0x7F, has_crc=self._settings.has_crc)
+        return packet(motor.board, command, magnitude & 0x7F, has_crc=self._table.crc)
 
     def _ask(self, now_s: float) -> None:
         board = next(self._asking)
         self._asked = (board, now_s, tuple(self._sent))
         self._next_ask_s = now_s + ASK_PERIOD_S
-        self._link.write(packet(board, Command.ERRORS, has_crc=self._settings.has_crc))
+        self._link.write(packet(board, Command.ERRORS, has_crc=self._table.crc))
 
     def _take(self, answer: int) -> None:
         if self._asked is None:

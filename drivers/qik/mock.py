@@ -9,10 +9,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import and_
+from pathlib import Path
+from typing import Literal
 
 from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.mocking.faults import Fault, Kind
+from vvvaltr.drivers.mocking.port import PtyPort
 from vvvaltr.drivers.qik.protocol import ERRORS, SET_KEY, START, Command, Parameter, crc7, timeout_s
+from vvvaltr.drivers.qik.table import QikLineTable, QikMotorTable
+from vvvaltr.drivers.registry import MockLine
 
 # A motor with friction: at rest it needs more than at the slowest turning.
 CURVE = Curve(((14.0, 1.8), (40.0, 6.0), (80.0, 11.5), (127.0, 16.5)))
@@ -259,3 +264,13 @@ class QikDevice:
             speed = abs(self.boards[board].share(output))
             least = CURVE.points[0][0] if self._turning[number] else _STARTS_AT
             self._turning[number] = speed >= least and number not in self._stalled
+
+
+def make_mock(link: Path) -> MockLine:
+    """Plug in boards under the port ``link``: a ``MockLine``. Raises ValueError for a name that is taken."""
+    places: tuple[tuple[int, Literal[0, 1]], ...] = ((0, 0), (0, 1), (1, 0))
+    motors = tuple(
+        QikMotorTable(board=board, output=output, max_hz=CURVE.highest_hz, curve=CURVE.points)
+        for board, output in places
+    )
+    return MockLine(PtyPort(link, is_paced=True), QikDevice(places), QikLineTable(port=str(link), motor=motors))

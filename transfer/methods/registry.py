@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
+from vvvaltr.controller.core.plug_ins import Registry
 from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.values import GaitSpace, Source
@@ -34,29 +35,34 @@ BUILT_IN = (
 
 METHODS: Mapping[str, Method] = MappingProxyType({method.name: method for method in BUILT_IN})
 
+REGISTRY: Registry[Method] = Registry("method", "vvvaltr.methods", Method, METHODS)
+"""These methods and those of installed packages, which add one by an entry point of the group ``vvvaltr.methods``."""
+
 
 def make_optimizer(method: str, space: GaitSpace, seed: int, sources: Sequence[Source] = ()) -> Optimizer:
     """Return a new optimiser of the method called ``method``, which has been told nothing yet.
 
     Args:
-        method: name of the method, a key of ``METHODS``.
+        method: name of the method, as in ``REGISTRY``.
         space: gaits to search.
         seed: seed of every random stream of the optimiser.
         sources: earlier runs to learn from.
 
     Raises:
+        UserError: the package that adds the method is broken.
         ValueError: there is no such method, it needs a source or takes none, or a source has another number of motors
             than the space.
     """
-    if method not in METHODS:
-        raise ValueError(unknown("method", method, METHODS))
-    if METHODS[method].uses_sources and not sources:
+    if method not in REGISTRY:
+        raise ValueError(unknown("method", method, REGISTRY.names))
+    entry = REGISTRY.named(method)
+    if entry.uses_sources and not sources:
         raise ValueError(f"method {method!r} learns from an earlier run: give it a source")
-    if sources and not METHODS[method].uses_sources:
-        able = ", ".join(name for name, entry in METHODS.items() if entry.uses_sources)
+    if sources and not entry.uses_sources:
+        able = ", ".join(name for name, known in METHODS.items() if known.uses_sources)
         raise ValueError(f"method {method!r} takes no source: leave the source out, or choose one of {able}")
     for source in sources:
         motors = source.gaits[0].motor_count
         if any(gait.motor_count != space.motor_count for gait in source.gaits):
             raise ValueError(f"source {source.name} is of {motors} motors, the robot has {space.motor_count}")
-    return METHODS[method].make(space, seed, sources)
+    return entry.make(space, seed, sources)

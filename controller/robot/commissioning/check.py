@@ -13,9 +13,10 @@ import numpy as np
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, TrackingLost, UserError
 from vvvaltr.controller.core.values import Gait, Pose
 from vvvaltr.controller.robot.commissioning.vibration import applied, shaking, strongest, watch
-from vvvaltr.controller.robot.hardware import JoinedMotors, Part, line_opener, open_motors
+from vvvaltr.controller.robot.hardware import JoinedMotors, open_motors
 from vvvaltr.controller.robot.robot_file import RobotFile
-from vvvaltr.drivers.motor_line import WATCHDOG, MotorLine
+from vvvaltr.drivers.motor_line import WATCHDOG, HeldMotors, MotorLine
+from vvvaltr.drivers.registry import open_line
 from vvvaltr.drivers.table import LineTable
 from vvvaltr.drivers.trackers.registry import PoseTracker, open_tracker
 
@@ -67,7 +68,7 @@ def _open_tracker(robot: RobotFile, stack: ExitStack) -> PoseTracker | Finding:
 
 def _check_link(name: str, line: LineTable) -> Finding:
     try:
-        opened = line_opener(line)()
+        opened = open_line(line)
     except (DeviceError, UserError) as error:
         return Finding(name, False, str(error), "see above all whether port and power are as in the robot's file")
     described = f"{opened.name}: {opened.motor_count} motors answer"
@@ -78,7 +79,7 @@ def _check_link(name: str, line: LineTable) -> Finding:
 def _check_watchdog(name: str, line: LineTable) -> Finding:
     """Let the motors turn, fall silent, and see whether the device stops them by itself."""
     try:
-        opened = line_opener(line)()
+        opened = open_line(line)
     except DeviceError as error:
         return Finding(name, False, str(error), "make the link reliable first")
     try:
@@ -150,15 +151,15 @@ def _check_tracker(tracker: PoseTracker) -> Finding:
 
 def _check_motors(robot: RobotFile, tracker: PoseTracker | None) -> Iterator[Finding]:
     with ExitStack() as stack:
-        parts: list[Part] = []
+        lines: list[HeldMotors] = []
         try:
             for line in robot.line:
-                parts.append(open_motors(line))
-                stack.callback(parts[-1].close)
+                lines.append(open_motors(line))
+                stack.callback(lines[-1].close)
         except DeviceError as error:
             yield Finding("motors", False, str(error), "make the link reliable first")
             return
-        motors = JoinedMotors(parts)
+        motors = JoinedMotors(lines)
         for number, motor in enumerate(robot.motors, start=1):
             test = _Turning(motors, tracker, number - 1, min(_TEST_SHARE * motor.max_hz, _TEST_HZ))
             yield from test.findings(f"motor {number}")

@@ -55,10 +55,14 @@ def test_motors_of_two_lines_have_one_order(qik: MockProcess, odrive: MockProces
 
 
 def test_a_gait_that_one_line_cannot_apply_is_sent_to_none(
-    qik: MockProcess, odrive: MockProcess, robot: HardwareRobot
+    qik: MockProcess, odrive: MockProcess, robot_file: RobotFile
 ) -> None:
-    with pytest.raises(ValueError, match="axis 2"):
-        robot.motors.drive(Gait((6.0, 6.0, 6.0, 5.0, 5.0, 99.0)), 0.25)
+    backwards = msgspec.structs.replace(robot_file, line=robot_file.line[::-1])
+    with (
+        closing(open_hardware(backwards)) as robot,
+        pytest.raises(ValueError, match="motor 3 of the line: 99 Hz is beyond"),
+    ):
+        robot.motors.drive(Gait((5.0, 5.0, 5.0, 6.0, 6.0, 99.0)), 0.25)
 
     time.sleep(0.1)
     assert qik.wait_until(lambda status: True).is_at_rest

@@ -16,9 +16,11 @@ from vvvaltr.controller.robot.robot_file import (
     robot_file_from,
 )
 from vvvaltr.drivers.mocking.faults import FaultScript, Kind
+from vvvaltr.drivers.node.table import NodeLineTable
 from vvvaltr.drivers.odrive.table import OdriveLineTable
 from vvvaltr.drivers.qik.protocol import timeout_s
 from vvvaltr.drivers.qik.table import QikLineTable
+from vvvaltr.drivers.trackers.stream.table import StreamTable
 
 GOOD = """\
 # our robot
@@ -273,3 +275,21 @@ def test_a_curve_rises_and_what_was_not_seen_is_taken_from_the_former_one_in_pro
 def test_a_motor_that_was_never_seen_to_turn_has_no_curve() -> None:
     with pytest.raises(UserError, match=r"motor 3 was not seen to turn"):
         fitted([Reading(2, 127.0, float("nan")), Reading(2, 60.0, 8.0)], ())
+
+
+VERSION_0_1 = Path(__file__).parents[2] / "fixtures" / "version_0_1" / "robots"
+
+
+@pytest.mark.parametrize(
+    ("device", "table"), [("qik", QikLineTable), ("odrive", OdriveLineTable), ("node", NodeLineTable)]
+)
+def test_a_file_of_version_0_1_opens_and_is_written_as_it_was(device: str, table: type) -> None:
+    path = VERSION_0_1 / f"{device}.toml"
+
+    robot = load_robot_file(path)
+
+    assert type(robot.line[0]) is table
+    assert robot.limits.max_hz == (16.5, 16.5, 16.5)
+    assert robot.tracker == StreamTable(port=5005)
+    assert robot_file_from(msgspec.to_builtins(robot), "run.toml") == robot
+    assert tomllib.loads(to_toml(msgspec.to_builtins(robot))) == tomllib.loads(path.read_text(encoding="utf-8"))

@@ -14,9 +14,11 @@ from vvvaltr.drivers.mocking.plugged import PluggedDevice
 from vvvaltr.drivers.mocking.port import PtyPort
 from vvvaltr.drivers.motor_line import HeldMotors
 from vvvaltr.drivers.node.firmware import core
-from vvvaltr.drivers.node.line import BAUD, open_node
+from vvvaltr.drivers.node.line import open_line, open_node
 from vvvaltr.drivers.node.mock import NodeDevice
+from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable
 
+MOTORS = (NodeMotorTable(max_hz=16.7),) * 3
 GAIT = Gait((12.0, -9.0, 4.0))
 REST = (0.0, 0.0, 0.0)
 
@@ -41,7 +43,7 @@ class Node:
         return self._plugged.applied_hz
 
     def open(self):
-        return open_node(SerialLink(self.port, BAUD))
+        return open_line(NodeLineTable(port=self.port, motor=MOTORS))
 
     def close(self):
         self._over.set()
@@ -234,12 +236,12 @@ def test_a_node_of_another_version_is_refused_with_the_cure(node, monkeypatch):
 def test_a_line_without_a_node_is_a_timeout_with_the_cure(tmp_path):
     port = PtyPort(tmp_path / "nothing", is_paced=True)
     with pytest.raises(DeviceTimeout, match="no motor node answers; check power"):
-        open_node(SerialLink(port.name, BAUD))
+        open_line(NodeLineTable(port=port.name, motor=MOTORS))
     port.close()
 
 
 def test_noise_before_the_greeting_does_no_harm(node):
-    link = SerialLink(node.port, BAUD)
+    link = SerialLink(node.port, 460_800)
     link.write(bytes(range(1, 200)))
-    line = open_node(link)
+    line = open_node(link, MOTORS)
     line.close()

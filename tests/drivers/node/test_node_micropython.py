@@ -12,9 +12,9 @@ import pytest
 
 from vvvaltr.controller.core.errors import DeviceError, LinkLost
 from vvvaltr.controller.core.values import Gait
-from vvvaltr.drivers.links.serial import SerialLink
 from vvvaltr.drivers.motor_line import HeldMotors
-from vvvaltr.drivers.node.line import BAUD, open_node
+from vvvaltr.drivers.node.line import open_line
+from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable
 
 HERE = Path(__file__).parent
 DRIVERS = HERE.parents[2] / "drivers" / "node"
@@ -23,6 +23,7 @@ SHELLS = {
     "a board that is simulated": ("-m", "firmware.unix", "3", "16700"),
     "the Pico's shell on its hardware's stand-in": ("-c", "from firmware.pico import run; run()"),
 }
+MOTORS = (NodeMotorTable(max_hz=16.0),) * 3
 GAIT = Gait((12.0, -9.0, 5.0))
 
 pytestmark = pytest.mark.skipif(
@@ -65,7 +66,7 @@ def board(request):
 
 @pytest.fixture
 def motors(board):
-    motors = HeldMotors(lambda: open_node(SerialLink(board.port, BAUD)))
+    motors = HeldMotors(lambda: open_line(NodeLineTable(port=board.port, motor=MOTORS)))
     yield motors
     motors.close()
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import vvvaltr.drivers.odrive.line
+import vvvaltr.drivers.odrive.protocol
 from vvvaltr.drivers.links.can import Frame
-from vvvaltr.drivers.odrive.line import Message, decode, encode
 from vvvaltr.drivers.odrive.mock import OdriveDevice
+from vvvaltr.drivers.odrive.protocol import Message, decode, encode
 
-DBC: Any = cantools.database.load_file(Path(vvvaltr.drivers.odrive.line.__file__).with_name("odrive.dbc"))
+DBC: Any = cantools.database.load_file(Path(vvvaltr.drivers.odrive.protocol.__file__).with_name("odrive.dbc"))
 FLOATS = st.floats(width=32, allow_nan=False, allow_infinity=False)
 NAMES = {
     Message.HEARTBEAT: "Heartbeat",

@@ -9,8 +9,10 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from typing import Any
 
 import can
+import msgspec
 import pytest
 from can.interfaces.virtual import VirtualBus
 
@@ -22,18 +24,23 @@ from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.plugged import PluggedDevice
 from vvvaltr.drivers.mocking.process import MockProcess
 from vvvaltr.drivers.motor_line import WATCHDOG, HeldMotors
-from vvvaltr.drivers.odrive.line import AxisState, Message, OdriveLine, OdriveMotor, encode, open_line
+from vvvaltr.drivers.odrive.line import OdriveLine, open_line
 from vvvaltr.drivers.odrive.mock import OdriveAxis, OdriveDevice
-from vvvaltr.drivers.odrive.table import Firmware
+from vvvaltr.drivers.odrive.protocol import AxisState, Message, encode
+from vvvaltr.drivers.odrive.table import Firmware, OdriveLineTable, OdriveMotorTable
 
-MOTORS = [OdriveMotor(node, 16.5) for node in range(3)]
+MOTORS = tuple(OdriveMotorTable(node=node, max_hz=16.5) for node in range(3))
 GAIT = Gait((6.0, -11.5, 16.5))
 CHANNELS = map(str, itertools.count())
 
 
+def table(interface: str, channel: str, **settings: Any) -> OdriveLineTable:
+    return OdriveLineTable(interface=interface, channel=channel, **{"motor": MOTORS, **settings})
+
+
 @pytest.fixture
 def motors(odrive: MockProcess) -> Iterator[HeldMotors]:
-    with closing(HeldMotors(lambda: open_line("slcan", odrive.greeting.port, 500_000, MOTORS))) as motors:
+    with closing(HeldMotors(lambda: open_line(table("slcan", odrive.greeting.port)))) as motors:
         yield motors
 
 
@@ -65,20 +72,26 @@ def test_a_stop_leaves_the_axes_idle(odrive: MockProcess, motors: HeldMotors) ->
     motors.state()
 
 
-def test_a_velocity_beyond_the_axis_limit_is_refused(motors: HeldMotors) -> None:
-    with pytest.raises(ValueError, match=r"axis 2: 17 Hz is beyond its 16.5 Hz"):
+def test_a_velocity_beyond_the_curve_of_an_axis_is_refused(odrive: MockProcess) -> None:
+    curved = tuple(msgspec.structs.replace(motor, curve=((1.0, 1.0), (16.5, 16.5))) for motor in MOTORS)
+    line_table = table("slcan", odrive.greeting.port, motor=curved)
+
+    with (
+        closing(HeldMotors(lambda: open_line(line_table))) as motors,
+        pytest.raises(ValueError, match=r"axis 2: 17 Hz is beyond the calibrated 16.5 Hz"),
+    ):
         motors.drive(Gait((5.0, 5.0, 17.0)), 0.25)
 
 
 def test_an_axis_that_is_not_there_is_named(odrive: MockProcess) -> None:
     with pytest.raises(DeviceTimeout, match=r"no heartbeat comes from axis 9; check power, wiring"):
-        open_line("slcan", odrive.greeting.port, 500_000, [OdriveMotor(9, 10.0)])
+        open_line(table("slcan", odrive.greeting.port, motor=(OdriveMotorTable(node=9, max_hz=10.0),)))
 
 
 @pytest.mark.parametrize("interface", ["slcan", "socketcan", "nonsense"])
 def test_a_bus_that_is_not_there_is_a_lost_link(interface: str) -> None:
     with pytest.raises(LinkLost, match=f"{interface}:none"):
-        open_line(interface, "none", 500_000, MOTORS)
+        open_line(table(interface, "none"))
 
 
 @pytest.mark.parametrize(
@@ -149,7 +162,7 @@ def test_a_virtual_bus_and_both_firmware_generations_do_as_well(firmware: Firmwa
     device = OdriveDevice(firmware=firmware)
     with (
         on_a_virtual_bus(device) as channel,
-        closing(HeldMotors(lambda: open_line("virtual", channel, 500_000, MOTORS, firmware))) as motors,
+        closing(HeldMotors(lambda: open_line(table("virtual", channel, firmware=firmware)))) as motors,
     ):
         hold(motors, GAIT, 0.3)
         assert device.applied_hz == pytest.approx(GAIT.frequency_hz)
@@ -163,7 +176,7 @@ def test_a_virtual_bus_and_both_firmware_generations_do_as_well(firmware: Firmwa
 
 def test_an_emergency_stop_disarms_until_a_new_start() -> None:
     device = OdriveDevice()
-    with on_a_virtual_bus(device) as channel, closing(open_line("virtual", channel, 500_000, MOTORS)) as line:
+    with on_a_virtual_bus(device) as channel, closing(open_line(table("virtual", channel))) as line:
         line.send(GAIT)
         line.estop()
         time.sleep(0.05)
@@ -197,7 +210,7 @@ def test_an_axis_that_is_armed_before_the_next_one_is_told_is_no_cause_for_an_em
     device = OdriveDevice()
     with on_a_virtual_bus(device) as channel:
         link = HeldUpLink("virtual", channel, 500_000)
-        with closing(OdriveLine(link, MOTORS, Firmware.NEW)) as line:
+        with closing(OdriveLine(link, table("virtual", channel))) as line:
             link.line = line
             line.arm()
             rested_s = time.monotonic()
@@ -214,7 +227,7 @@ def test_an_axis_that_is_armed_before_the_next_one_is_told_is_no_cause_for_an_em
 def test_an_axis_that_stays_armed_is_stopped_by_force() -> None:
     device = OdriveDevice()
     device.axes[1] = Stubborn(1, Firmware.NEW)
-    with on_a_virtual_bus(device) as channel, closing(open_line("virtual", channel, 500_000, MOTORS)) as line:
+    with on_a_virtual_bus(device) as channel, closing(open_line(table("virtual", channel))) as line:
         line.send(GAIT)
         with pytest.raises(DeviceFault) as caught:
             for _ in range(50):
@@ -260,7 +273,7 @@ def test_a_bus_that_is_not_back_yet_is_opened_again_and_closed_twice() -> None:
     def open_or_not() -> OdriveLine:
         if next(absences, False):
             raise LinkLost("not plugged in yet")
-        return open_line("virtual", channel, 500_000, MOTORS)
+        return open_line(table("virtual", channel))
 
     with on_a_virtual_bus(device) as channel:
         motors = HeldMotors(open_or_not)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import replace
+from typing import Any, Literal
 
+import msgspec
 import pytest
 
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost
@@ -17,18 +18,28 @@ from vvvaltr.drivers.links.serial import SerialLink
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.process import MockProcess
 from vvvaltr.drivers.motor_line import WATCHDOG, HeldMotors
-from vvvaltr.drivers.qik.line import QikLine, QikMotor, QikSettings, open_line
+from vvvaltr.drivers.qik.line import QikLine, open_line
 from vvvaltr.drivers.qik.mock import CURVE, QikDevice
 from vvvaltr.drivers.qik.protocol import Command, Parameter, least_baud, packet
 from vvvaltr.drivers.qik.table import QikLineTable, QikMotorTable
 
-MOTORS = [QikMotor(0, 0, CURVE), QikMotor(0, 1, CURVE), QikMotor(1, 0, CURVE)]
 GAIT = Gait((6.0, -11.5, 16.5))
+
+
+def motor(board: int, output: Literal[0, 1], curve: Curve = CURVE, max_hz: float | None = None) -> QikMotorTable:
+    return QikMotorTable(board=board, output=output, curve=curve.points, max_hz=max_hz or curve.highest_hz)
+
+
+MOTORS = (motor(0, 0), motor(0, 1), motor(1, 0))
+
+
+def table(port: str = "/dev/none", motors: Sequence[QikMotorTable] = MOTORS, **settings: Any) -> QikLineTable:
+    return QikLineTable(port=port, motor=tuple(motors), **settings)
 
 
 @pytest.fixture
 def motors(qik: MockProcess) -> Iterator[HeldMotors]:
-    with closing(HeldMotors(lambda: open_line(qik.greeting.port, 19200, MOTORS, QikSettings()))) as motors:
+    with closing(HeldMotors(lambda: open_line(table(qik.greeting.port)))) as motors:
         yield motors
 
 
@@ -63,8 +74,8 @@ class DirectLine:
         """Nothing is to be let go of."""
 
 
-def armed(link: DirectLine, motors: list[QikMotor], settings: QikSettings) -> QikLine:
-    line = QikLine(link, motors, settings)
+def armed(link: DirectLine, motors: Sequence[QikMotorTable], **settings: Any) -> QikLine:
+    line = QikLine(link, table(motors=motors, **settings))
     link.write(b"\xaa")
     line.rest()
     return line
@@ -111,20 +122,18 @@ def test_a_slow_start_is_pushed(qik: MockProcess, motors: HeldMotors) -> None:
 
 @pytest.mark.parametrize(("max_hz", "command"), [(10.0, 69), (6.0, 40), (2.05, 16), (16.5, 127), (None, 127)])
 def test_a_push_keeps_to_the_motors_limit(max_hz: float | None, command: int) -> None:
-    motors = [QikMotor(0, 0, CURVE) if max_hz is None else QikMotor(0, 0, CURVE, max_hz)]
+    motors = [motor(0, 0, max_hz=max_hz)]
     link = DirectLine()
 
-    armed(link, motors, QikSettings()).send(Gait((-2.05,)))
+    armed(link, motors).send(Gait((-2.05,)))
 
     assert link.device.boards[0].speeds[0] == -command
 
 
 def test_the_limit_in_the_robots_file_holds_for_a_push(qik: MockProcess) -> None:
-    motor = QikMotorTable(board=0, output=0, max_hz=10.0, curve=CURVE.points)
-    part = open_motors(QikLineTable(port=qik.greeting.port, motor=(motor,)))
-    with closing(part):
+    with closing(open_motors(table(qik.greeting.port, [motor(0, 0, max_hz=10.0)]))) as motors:
         began_s = time.monotonic()
-        hold(part.motors, Gait((2.0,)), 0.5)
+        hold(motors, Gait((2.0,)), 0.5)
         seen_hz = [status.applied_hz[0] for status in qik.statuses if status.t_s > began_s]
 
     assert 9.5 < max(seen_hz) <= 10.0
@@ -135,14 +144,14 @@ def test_a_motor_is_pushed_no_further_than_its_curve_goes() -> None:
     link = DirectLine()
     curve = Curve(((14.0, 1.8), (80.0, 11.5)))
 
-    armed(link, [QikMotor(0, 0, curve)], QikSettings()).send(Gait((2.0,)))
+    armed(link, [motor(0, 0, curve)]).send(Gait((2.0,)))
 
     assert link.device.boards[0].speeds[0] == 80
 
 
 def test_a_changed_gait_goes_out_motor_by_motor() -> None:
     link = DirectLine()
-    line = armed(link, MOTORS, QikSettings(spin_up_s=0.0))
+    line = armed(link, MOTORS, spin_up_s=0.0)
     line.send(Gait((6.0, 6.0, 6.0)))
     before, changed = link.written, Gait((11.5, -11.5, 0.0))
 
@@ -157,7 +166,7 @@ def test_a_changed_gait_goes_out_motor_by_motor() -> None:
 
 def test_a_slow_start_among_turning_motors_is_pushed() -> None:
     link = DirectLine()
-    line = armed(link, [replace(motor, max_hz=10.0) for motor in MOTORS], QikSettings(spin_up_s=0.05))
+    line = armed(link, [msgspec.structs.replace(each, max_hz=10.0) for each in MOTORS], spin_up_s=0.05)
     line.send(Gait((6.0, 0.0, 6.0)))
     changed = Gait((6.0, 2.0, 6.0))
 
@@ -173,7 +182,7 @@ def test_a_slow_start_among_turning_motors_is_pushed() -> None:
 
 def test_a_stop_tells_all_motors_at_once_also_in_the_middle_of_a_change() -> None:
     link = DirectLine()
-    line = armed(link, MOTORS, QikSettings())
+    line = armed(link, MOTORS)
     line.send(GAIT)
     line.repeat(GAIT.scaled(0.5))
 
@@ -185,14 +194,14 @@ def test_a_stop_tells_all_motors_at_once_also_in_the_middle_of_a_change() -> Non
 @pytest.mark.parametrize("timeout", [0, 4, 16, 32, 48, 64, 80, 96, 112, 127])
 def test_there_are_no_boards_without_a_quick_watchdog(timeout: int) -> None:
     with pytest.raises(ValueError, match=rf"timeout is {timeout}, which means .*; allowed: 1 \(0\.262 s\), 2"):
-        open_line("/dev/none", 19200, MOTORS, QikSettings(timeout=timeout))
+        open_line(table("/dev/none", timeout=timeout))
 
 
 def test_commands_that_the_boards_have_not_are_refused() -> None:
-    motors = [QikMotor(0, 0, Curve(((14.0, 1.8), (255.0, 16.5))))]
+    motors = [motor(0, 0, Curve(((14.0, 1.8), (255.0, 16.5))))]
 
     with pytest.raises(ValueError, match="its commands reach 255; allowed: up to 127"):
-        open_line("/dev/none", 19200, motors, QikSettings())
+        open_line(table("/dev/none", motors))
 
 
 @pytest.mark.parametrize(
@@ -202,17 +211,17 @@ def test_commands_that_the_boards_have_not_are_refused() -> None:
 def test_more_motors_need_a_faster_line(motor_count: int, has_crc: bool, baud: int) -> None:
     assert least_baud(motor_count, has_crc) == baud
 
-    motors = [QikMotor(number // 2, number % 2, CURVE) for number in range(motor_count)]
+    motors = [motor(number // 2, number % 2, CURVE) for number in range(motor_count)]
     with pytest.raises(ValueError, match=f"baud is {baud - 1}; allowed: {baud} or more"):
-        open_line("/dev/none", baud - 1, motors, QikSettings(has_crc=has_crc))
+        open_line(table("/dev/none", motors, baud=baud - 1, crc=has_crc))
     with pytest.raises(LinkLost):
-        open_line("/dev/none", baud, motors, QikSettings(has_crc=has_crc))
+        open_line(table("/dev/none", motors, baud=baud, crc=has_crc))
 
 
 @pytest.mark.parametrize("ramp_hz_s", [(), (8.0, 8.0, 8.0)], ids=["at once", "ramp"])
 def test_on_the_slowest_line_a_stop_waits_for_nothing(qik: MockProcess, ramp_hz_s: tuple[float, ...]) -> None:
     baud = least_baud(len(MOTORS), has_crc=False)
-    with closing(HeldMotors(lambda: open_line(qik.greeting.port, baud, MOTORS, QikSettings()), 0.4, ramp_hz_s)) as held:
+    with closing(HeldMotors(lambda: open_line(table(qik.greeting.port, baud=baud)), 0.4, ramp_hz_s)) as held:
         for step in range(160):  # another gait every 5 ms
             held.drive(Gait((6.0 + 0.05 * step, -8.0, 14.0 - 0.05 * step)), 0.25)
             time.sleep(0.005)
@@ -227,7 +236,7 @@ def test_on_the_slowest_line_a_stop_waits_for_nothing(qik: MockProcess, ramp_hz_
 
 def test_a_board_that_is_not_there_is_named(qik: MockProcess) -> None:
     with pytest.raises(DeviceTimeout, match=r"no board answers as number 5; check power, wiring"):
-        HeldMotors(lambda: open_line(qik.greeting.port, 19200, [QikMotor(5, 0, CURVE)], QikSettings()))
+        HeldMotors(lambda: open_line(table(qik.greeting.port, [motor(5, 0, CURVE)])))
 
 
 @pytest.mark.parametrize("kind", [Kind.CORRUPT, Kind.DROP])
@@ -235,21 +244,21 @@ def test_a_board_whose_first_answers_are_spoilt_is_found_all_the_same(qik: MockP
     qik.befall(Fault(kind=kind, at_s=0.0, replies=2))
     time.sleep(0.1)
 
-    open_line(qik.greeting.port, 19200, MOTORS, QikSettings()).close()
+    open_line(table(qik.greeting.port)).close()
 
 
 def test_a_port_that_is_not_there_is_a_lost_link() -> None:
     with pytest.raises(LinkLost, match="/dev/none"):
-        open_line("/dev/none", 19200, MOTORS, QikSettings())
+        open_line(table("/dev/none"))
 
 
 def test_eight_bit_speeds_are_finer(qik: MockProcess) -> None:
     points = tuple((round(command * 255.0 / 127.0), hz) for command, hz in CURVE.points)
-    motors = [replace(motor, curve=type(CURVE)(points)) for motor in MOTORS]
-    settings = QikSettings(eight_bit=True, spin_up_s=0.0)
+    motors = [msgspec.structs.replace(each, curve=points) for each in MOTORS]
+    fine_table = table(qik.greeting.port, motors, eight_bit=True, spin_up_s=0.0)
     fine = Gait((11.56, 11.5, 11.45))
 
-    with closing(HeldMotors(lambda: open_line(qik.greeting.port, 19200, motors, settings))) as held:
+    with closing(HeldMotors(lambda: open_line(fine_table))) as held:
         hold(held, fine, 0.3)
         applied = qik.wait_until(lambda status: not status.is_at_rest).applied_hz
 
