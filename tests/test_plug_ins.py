@@ -30,6 +30,19 @@ speed_m_s = 0.04
 [trial]
 duration_s = 0.3
 """
+CONTRACT = """
+import pytest
+from vvvaltr.controller.robot.contract import RobotContract
+from vvvaltr.controller.robot.opening import choose_robot, open_rig
+
+class TestSample(RobotContract):
+    @pytest.fixture
+    def source(self):
+        return "sample.toml"
+
+    def open_robot(self, source):
+        return open_rig(choose_robot({"name": source}), seed=0).robot
+"""
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +74,18 @@ def test_a_run_learns_with_the_driver_the_tracker_and_the_method_of_a_package(si
     assert answer["method"] == "sample"
     assert answer["outcomes"] == {"completed": 3}
     assert answer["best_observed"]["score_m_s"] == pytest.approx(0.04, abs=0.01)
+
+
+def test_the_contract_of_all_robots_runs_in_the_packages_own_tests(site: Path, tmp_path: Path) -> None:
+    (tmp_path / "sample.toml").write_text(ROBOT, encoding="utf-8")
+    (tmp_path / "test_sample.py").write_text(CONTRACT, encoding="utf-8")
+
+    environment = {**os.environ, "PYTHONPATH": str(site)}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_sample.py"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=100)
+
+    assert done.returncode == 0, done.stdout
+    assert "12 passed" in done.stdout
 
 
 def test_what_no_package_adds_is_refused_with_what_there_is(site: Path, tmp_path: Path) -> None:

@@ -36,7 +36,11 @@ class Limits:
 
 
 class GuardedMotors:
-    """A motor driver that refuses what is outside its limits, and never changes a command silently."""
+    """A motor driver that refuses what is outside its limits, and never changes a command silently.
+
+    Number of motors, frequencies, quantities and hold are checked here alone. What is below takes them as checked, and
+    refuses only what its device cannot encode.
+    """
 
     def __init__(self, driver: MotorDriver, limits: Limits) -> None:
         self._driver = driver
@@ -55,9 +59,16 @@ class GuardedMotors:
     def drive(self, gait: Gait, hold_s: float) -> None:
         """Pass the command on. Raises ValueError, with nothing sent, if it is outside the limits."""
         self._limits.check(gait)
+        self._check_quantities(gait)
         if not 0.0 < hold_s <= self._limits.max_hold_s:
             raise ValueError(f"hold_s {hold_s:g} is outside 0 to {self._limits.max_hold_s:g} s")
         self._driver.drive(gait, hold_s)
+
+    def _check_quantities(self, gait: Gait) -> None:
+        if Quantity.PHASE not in self.quantities and any(gait.phase_rad):
+            raise ValueError("the motors cannot set phases; search frequencies only")
+        if Quantity.AMPLITUDE not in self.quantities and any(share != 1.0 for share in gait.amplitude):
+            raise ValueError("the motors cannot set amplitudes; search frequencies only")
 
     def state(self) -> MotorState:
         """Return what the device applies. Raises SafetyStop if that is not a number or a motor has run away."""

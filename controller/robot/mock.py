@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from vvvaltr.controller.core.document import to_toml
-from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.robot.robot_file import RobotFile, SearchTable
 from vvvaltr.drivers.mocking.faults import Fault
 from vvvaltr.drivers.mocking.motion import Motion
@@ -92,7 +92,7 @@ def _make_line(device: str, link: Path, bus: tuple[str, str] | None) -> MockLine
     driver = DRIVERS.named(device)
     if bus is not None:
         if driver.make_bus_mock is None:
-            raise UserError(f"the mock {device} has no CAN bus: leave out --interface and --channel")
+            raise NotUnderstood(f"the mock {device} has no CAN bus: leave out --interface and --channel")
         return driver.make_bus_mock(*bus)
     if driver.make_mock is None:
         raise UserError(f"the driver {device!r} has no mock; choose one of {', '.join(DEVICES)}")

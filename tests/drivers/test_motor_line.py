@@ -222,14 +222,10 @@ def test_a_ramp_limits_the_change_of_frequency_and_begins_from_rest() -> None:
         assert line.sent[-1][1] < 2.0
 
 
-@pytest.mark.parametrize(
-    "gait",
-    [Gait((1.0, 2.0)), Gait((1.0,), phase_rad=(1.0,)), Gait((1.0,), amplitude=(0.5,)), Gait((21.0,))],
-)
-def test_what_cannot_be_applied_is_refused_and_nothing_sent(gait: Gait) -> None:
+def test_what_the_line_cannot_encode_is_refused_and_nothing_sent() -> None:
     with held() as (motors, (line,)):
-        with pytest.raises(ValueError, match=r"motors|cannot set|at most"):
-            motors.drive(gait, 1.0)
+        with pytest.raises(ValueError, match="at most"):
+            motors.drive(Gait((21.0,)), 1.0)
 
         assert set(line.sent_since(0.0)) <= {0.0}
 

@@ -120,3 +120,20 @@ def test_the_heading_is_compared_the_short_way_round() -> None:
 
 def test_the_heading_counts_from_where_it_began() -> None:
     assert turned(HeadingGuard(), 2.0, *([2.9] * 9)) == 10
+
+
+@pytest.mark.parametrize(
+    ("gait", "refusal"),
+    [
+        (Gait((1.0, 2.0)), "2 frequencies given, but the robot has 3 motors"),
+        (Gait((1.0, 1.0, 1.0), phase_rad=(0.0, 1.0, 0.0)), "cannot set phases"),
+        (Gait((1.0, 1.0, 1.0), amplitude=(1.0, 0.5, 1.0)), "cannot set amplitudes"),
+    ],
+)
+def test_the_guard_alone_refuses_other_motors_and_quantities_that_they_cannot_set(gait: Gait, refusal: str) -> None:
+    motors = Motors()
+
+    with pytest.raises(ValueError, match=refusal):
+        GuardedMotors(motors, Limits((16.0,) * 3)).drive(gait, 0.25)
+
+    assert not motors.driven

@@ -12,6 +12,7 @@ import pytest
 
 from vvvaltr.controller.core.errors import DeviceFault, LinkLost, TrackingLost, UserError
 from vvvaltr.controller.core.values import Gait, Outcome
+from vvvaltr.controller.loop.safety import GuardedRobot
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.commissioning.calibrate import Reading, fitted, with_curves
@@ -111,8 +112,8 @@ def test_a_calibrated_axis_turns_at_its_greatest_frequency_both_ways_and_no_fast
     with closing(open_hardware(calibrated)) as robot:
         hold(robot, Gait((greatest_hz, -greatest_hz, 0.0)), 0.3)
         applied_hz = odrive.wait_until(lambda status: not status.is_at_rest).applied_hz
-        with pytest.raises(ValueError, match="beyond"):
-            robot.motors.drive(Gait((0.0, greatest_hz + 0.01, 0.0)), 0.25)
+        with pytest.raises(ValueError, match="outside its limits"):
+            GuardedRobot(robot, calibrated.limits).motors.drive(Gait((0.0, greatest_hz + 0.01, 0.0)), 0.25)
 
     assert applied_hz == pytest.approx((greatest_hz / share, -greatest_hz / share, 0.0), abs=1e-3)
 

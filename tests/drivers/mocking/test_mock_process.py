@@ -192,11 +192,9 @@ def test_a_reader_that_falls_asleep_does_not_hold_up_the_device(tmp_path: Path) 
         (["qik", "--link", "no/where"], 2, "no/where cannot be made: No such file or directory; choose another --link"),
         (["qik", "--link", "taken/here"], 2, "taken/here"),
         (["qik", "--link", "picture"], 1, "picture.toml is not a mock's file and would be overwritten"),
-        (
-            ["qik", "--interface", "virtual", "--channel", "x"],
-            2,
-            "--interface and --channel go together, and only with",
-        ),
+        (["odrive", "--interface", "virtual"], 2, "--interface and --channel go together"),
+        (["qik", "--interface", "virtual", "--channel", "x"], 2, "qik has no CAN bus: leave out --interface"),
+        (["quick"], 2, "unknown driver 'quick' (did you mean qik?); choose one of qik, odrive, node"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_left_behind(

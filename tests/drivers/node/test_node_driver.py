@@ -139,7 +139,7 @@ def test_closing_stops_first_and_may_be_done_twice(motors, node):
 
 
 def test_a_frequency_that_the_node_cannot_reach_is_refused_before_it_is_sent(motors, node):
-    with pytest.raises(ValueError, match=r"motor 2: the node turns at 16\.7 Hz at most, not -17"):
+    with pytest.raises(ValueError, match=r"motor 2 of the line: -17 Hz is beyond the 16\.7 Hz of the node's firmware"):
         motors.drive(Gait((1.0, -17.0, 1.0)), 0.2)
     assert node.applied_hz == REST
 
