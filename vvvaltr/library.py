@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.core.protocols import Optimizer, Robot
+from vvvaltr.controller.core.protocols import AskTell, Robot
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.controller.loop import learn as loop
@@ -61,7 +61,7 @@ def open_robot(
         world: ground of a twin, written as on the command line: ``hills:height_m=0.006``; None for flat ground.
         gravity_m_s2: of a twin; None for 9.81.
         friction: Coulomb coefficient of a twin's ground; None for 0.5.
-        damage: to a twin, written as on the command line: ``["snap:3,7"]``.
+        damage: to a twin, written as on the command line: ``["snap:4,8"]``.
         law: force law of a twin's motors: ``eccentric`` or ``constant``; None for eccentric.
 
     Raises:
@@ -83,7 +83,7 @@ def open_robot(
 
 def learn(
     robot: Robot,
-    optimizer: Optimizer,
+    optimizer: AskTell,
     *,
     trials: int = 40,
     duration_s: float | None = None,
@@ -97,7 +97,8 @@ def learn(
 
     Args:
         robot: with guarded motors: from ``open_robot``, or a ``GuardedRobot`` around a robot of your own.
-        optimizer: from ``make_optimizer``, or your own; fresh, it has been told nothing.
+        optimizer: from ``make_optimizer``, or your own, for which ``ask`` and ``tell`` suffice; it has been told
+            nothing.
         trials: how many valid trials to make.
         duration_s: time the motors are driven in each trial; None for what the settings say.
         settings: how a trial is run; None for the robot's own.
@@ -135,7 +136,7 @@ def _guarded(robot: Robot) -> GuardedRobot:
 
 
 def _learn(
-    robot: Robot, optimizer: Optimizer, settings: TrialSettings, budget: loop.Budget, out: Path | None
+    robot: Robot, optimizer: AskTell, settings: TrialSettings, budget: loop.Budget, out: Path | None
 ) -> Iterator[LoggedTrial]:
     with _recording(robot, out) as record:
         yield from loop.learn(robot, optimizer, settings, budget, record)

@@ -54,14 +54,14 @@ def _add_arguments(parser: ArgumentParser) -> None:
 
 
 def _execute(arguments: Namespace) -> Answer:
-    from vvvaltr.controller.loop.learn import summary
+    from vvvaltr.controller.loop.summary import summarise
 
     if arguments.out.exists():
         raise UserError(f"--out {arguments.out} exists: choose another name, or move it away")
     trials = list(_trials(arguments))
     if not trials:
         raise NotUnderstood(f"{arguments.csv} has no trial: it needs a line of numbers below the column names")
-    result = {"run": str(arguments.out), **summary(trials)}
+    result = {"run": str(arguments.out), **summarise(trials)}
     try:
         _write_run(arguments.out, trials, json.dumps(result, indent=2) + "\n")
     except OSError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Iterable
+from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,7 @@ from vvvaltr.controller.cli.telling import bar, say
 from vvvaltr.controller.core.errors import UserError
 
 if TYPE_CHECKING:
+    from vvvaltr.controller.core.protocols import Observer
     from vvvaltr.controller.runs.run import RunDirectory
     from vvvaltr.controller.view.recording import LiveView
 
@@ -50,6 +51,8 @@ def _add_arguments(parser: ArgumentParser) -> None:
     where.add_argument("--resume", type=Path, metavar="DIR", help="continue the run in this directory")
     group.add_argument("--no-recording", action="store_true", help="do not write the Rerun recording, run.rrd")
     group.add_argument("--live", action="store_true", help="show the run in Rerun while it learns")
+    group.add_argument("--events", metavar="FILE", help="append each trial and warning to FILE as one line of JSON; "
+                       "a number is an open file descriptor")  # fmt: skip
 
 
 def _gaits_by_repeats(text: str) -> tuple[int, int]:
@@ -60,22 +63,27 @@ def _gaits_by_repeats(text: str) -> tuple[int, int]:
 
 
 def _execute(arguments: Namespace) -> Answer:
+    from vvvaltr.controller.runs.events import EventStream
     from vvvaltr.controller.runs.run import RunDirectory
 
     if arguments.live:
         require_rerun()
     asked = _asked(arguments)
-    if arguments.resume is not None:
-        run = RunDirectory.resume(arguments.resume, asked)
-    else:
-        run = RunDirectory.create(arguments.out or _default_directory(asked), asked)
-    try:
-        with closing(run):
-            _learn(run, arguments)
-    except KeyboardInterrupt as interrupt:
-        raise KeyboardInterrupt(f"{interrupt}; the run is saved, continue it by --resume {run.path}") from None
-    finally:
-        result = run.summarise()
+    with ExitStack() as stack:
+        observers: list[Observer] = []
+        if arguments.events is not None:
+            observers.append(stack.enter_context(closing(EventStream.open(arguments.events))))
+        if arguments.resume is not None:
+            run = RunDirectory.resume(arguments.resume, asked)
+        else:
+            run = RunDirectory.create(arguments.out or _default_directory(asked), asked)
+        try:
+            with closing(run):
+                _learn(run, observers, arguments)
+        except KeyboardInterrupt as interrupt:
+            raise KeyboardInterrupt(f"{interrupt}; the run is saved, continue it by --resume {run.path}") from None
+        finally:
+            result = run.summarise()
     if has_rerun() and not arguments.no_recording:
         _save_recording(run.path, arguments)
     return Answer(_prose(result), result)
@@ -99,16 +107,15 @@ def _default_directory(asked: dict[str, Any]) -> Path:
     return Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{robot}"
 
 
-def _learn(run: RunDirectory, arguments: Namespace) -> None:
+def _learn(run: RunDirectory, observers: Sequence[Observer], arguments: Namespace) -> None:
     done = sum(logged.score is not None for logged in run.trials)
     with ExitStack() as stack:
-        view = stack.enter_context(closing(_live_view(run, arguments))) if arguments.live else None
+        if arguments.live:
+            observers = [*observers, stack.enter_context(closing(_live_view(run, arguments)))]
         progress = stack.enter_context(
             bar(arguments, total=run.config.trials, initial=done, unit="trial", desc="learning")
         )
-        for logged in run.learn():
-            if view is not None:
-                view.update(logged)
+        for logged in run.learn(observers):
             if logged.score is None:
                 progress.write(
                     f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}", sys.stderr
@@ -140,16 +147,23 @@ def _save_recording(run: Path, arguments: Namespace) -> None:
 
 
 def _prose(result: dict[str, Any]) -> str:
-    best = result["recommended"]
-    lines: Iterable[str] = (
-        f"best gait  {' '.join(f'{frequency:.2f}' for frequency in best['gait_hz'])} Hz",
-        f"speed      {_mm_s(best['mean_m_s'])} mm/s (posterior mean), "
-        f"95 % interval {_mm_s(best['low_m_s'])} to {_mm_s(best['high_m_s'])} mm/s",
+    lines = (
+        *_prose_of_best(result["recommended"]),
         f"trials     {result['trials']} ({', '.join(f'{count} {name}' for name, count in result['outcomes'].items())})",
         f"run        {result['run']}",
         f"view it    vvvaltr view {result['run']}" + ("" if has_rerun() else ' (needs pip install "vvvaltr[rerun]")'),
     )
     return "\n".join(lines)
+
+
+def _prose_of_best(best: dict[str, Any] | None) -> tuple[str, ...]:
+    if best is None:
+        return ("best gait  not known: this method has no model; --confirm KxR repeats the best K gaits to find out",)
+    return (
+        f"best gait  {' '.join(f'{frequency:.2f}' for frequency in best['gait_hz'])} Hz",
+        f"speed      {_mm_s(best['mean_m_s'])} mm/s (posterior mean), "
+        f"95 % interval {_mm_s(best['low_m_s'])} to {_mm_s(best['high_m_s'])} mm/s",
+    )
 
 
 def _mm_s(speed_m_s: float) -> str:

@@ -64,10 +64,10 @@ def _execute(arguments: Namespace) -> Answer:
         trials = _trials(rig, gait, arguments)
     result = _result(trials, gait, arguments.out)
     if arguments.out is not None:
-        from vvvaltr.controller.loop.learn import summary
+        from vvvaltr.controller.loop.summary import summarise
         from vvvaltr.controller.runs.measured import write_summary
 
-        write_summary(arguments.out, {"run": str(arguments.out), "robot": choice.name, **summary(trials)})
+        write_summary(arguments.out, {"run": str(arguments.out), "robot": choice.name, **summarise(trials)})
     return Answer(_prose(trials, result), result, status=_status(trials))
 
 

@@ -41,6 +41,10 @@ class SafetyStop(Exception):
         self.reason = reason
 
 
+class NothingToRecommend(ValueError):
+    """An optimiser cannot say yet which gait is best."""
+
+
 class UserError(Exception):
     """What a user can put right: one line that names what was wrong, and the cure."""
 

@@ -1,4 +1,4 @@
-"""The verbs: protocols that devices, twins and optimisers satisfy, and the errors that they raise.
+"""The verbs: protocols that devices, twins, optimisers and observers satisfy.
 
 A backend satisfies a protocol by having its methods; nothing is inherited.
 """
@@ -6,8 +6,9 @@ A backend satisfies a protocol by having its methods; nothing is inherited.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
+from vvvaltr.controller.core.records import Event, LoggedTrial
 from vvvaltr.controller.core.values import (
     Estimate,
     Gait,
@@ -115,7 +116,7 @@ class Robot(Protocol):
         ...
 
 
-class Optimizer(Protocol):
+class AskTell(Protocol):
     """Proposes gaits and learns from scores. It never runs a trial.
 
     Deterministic: the same seed and the same sequence of ``tell`` give the same ``ask``.
@@ -129,8 +130,17 @@ class Optimizer(Protocol):
         """Learn from one valid trial. Raises ValueError if the score is not finite."""
         ...
 
+
+@runtime_checkable
+class Optimizer(AskTell, Protocol):
+    """An optimiser with a model. ``ask_tell.complete`` makes one of any ``AskTell``."""
+
     def recommend(self) -> Recommendation:
-        """Return the gait with the best posterior mean. Raises ValueError before the first ``tell``."""
+        """Return the gait with the best posterior mean.
+
+        Raises:
+            ValueError: nothing has been told yet; or, as NothingToRecommend, what has been told does not say.
+        """
         ...
 
     def predict(self, gaits: Sequence[Gait]) -> tuple[Estimate, ...]:
@@ -143,4 +153,19 @@ class Optimizer(Protocol):
 
     def improvement(self) -> float:
         """Return what the next suggestion is expected to gain, in the score's unit; infinite without a model."""
+        ...
+
+
+class Observer(Protocol):
+    """Follows a run: a live view, a summary, a program that reads events.
+
+    An observer that raises is told nothing more; the run goes on.
+    """
+
+    def on_trial(self, logged: LoggedTrial) -> None:
+        """Take notice of a trial, which is in the log already."""
+        ...
+
+    def on_event(self, event: Event) -> None:
+        """Take notice of what happened beside the trials."""
         ...

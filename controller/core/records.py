@@ -198,6 +198,22 @@ class LoggedTrial:
         check_finite(score_m_s=self.score)
 
 
+class EventKind(StrEnum):
+    """What can happen to a run beside its trials."""
+
+    BEGIN = "begin"  # the run begins, or goes on
+    WARNING = "warning"  # something needs attention, and the run goes on
+    END = "end"  # the run is complete, or was ended: the text says by what
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """What happened to a run beside its trials, in one line of text."""
+
+    kind: EventKind
+    text: str
+
+
 @dataclass(frozen=True, slots=True)
 class Run:
     """What a log holds: how the robot is built, what the run learns from, and its complete trials in order.

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
-from typing import Any
 
-from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.core.protocols import Optimizer, Robot
-from vvvaltr.controller.core.records import LoggedTrial
+from vvvaltr.controller.core.ask_tell import complete
+from vvvaltr.controller.core.errors import NothingToRecommend, UserError
+from vvvaltr.controller.core.protocols import AskTell, Observer, Optimizer, Robot
+from vvvaltr.controller.core.records import EventKind, LoggedTrial
 from vvvaltr.controller.core.values import Gait, Outcome, Phase, Recommendation, Source, Suggestion, Trial
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement
+from vvvaltr.controller.loop.observing import Followers
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 
@@ -51,11 +51,12 @@ class Budget:
 
 def learn(
     robot: Robot,
-    optimizer: Optimizer,
+    optimizer: AskTell,
     settings: TrialSettings,
     budget: Budget,
     record: Callable[[LoggedTrial], None],
     history: Sequence[LoggedTrial] = (),
+    observers: Sequence[Observer] = (),
 ) -> Iterator[LoggedTrial]:
     """Learn a gait; yields each trial once it is recorded.
 
@@ -63,18 +64,40 @@ def learn(
 
     Args:
         robot: with guarded motors.
-        optimizer: fresh; it is told ``history`` first, so a resumed run goes on as it would have.
+        optimizer: one that has been told nothing; it is told ``history`` first, so a resumed run goes on as it would
+            have. One that only asks and tells is completed by ``ask_tell.complete``.
         settings: how a trial is run.
         budget: when to end.
-        record: keeps a trial for good before the next begins.
+        record: keeps a trial for good before the next begins: the log. Its failure ends the run.
         history: the trials that the run already has.
+        observers: told of each trial once it is recorded, and of events; their failure does not end the run.
 
     Raises:
         KeyboardInterrupt: the operator interrupted a trial; it has been recorded.
         UserError: several trials in a row have failed: the robot needs a hand.
         TrialCrashed: the program failed during a trial; it has been recorded.
     """
-    plan = _Plan(optimizer, budget)
+    plan = _Plan(complete(optimizer), budget)
+    followers = Followers(observers)
+    followers.announce(EventKind.BEGIN, f"{len(history)} trials made, {budget.trials} valid ones wanted")
+    try:
+        for logged in _make_trials(robot, plan, settings, record, history):
+            followers.show(logged)
+            yield logged
+    except BaseException as error:
+        followers.announce(EventKind.END, _describe_end(error))
+        raise
+    followers.announce(EventKind.END, "complete")
+
+
+def _make_trials(
+    robot: Robot,
+    plan: _Plan,
+    settings: TrialSettings,
+    record: Callable[[LoggedTrial], None],
+    history: Sequence[LoggedTrial],
+) -> Iterator[LoggedTrial]:
+    """Ask, run, score, tell; yields each trial once it is recorded."""
     for logged in history:
         plan.remember(logged)
     failures = 0
@@ -84,7 +107,9 @@ def learn(
         try:
             trial = run_trial(robot, suggestion.gait, settings, number)
         except TrialCrashed as crash:
-            record(_measured(suggestion, crash.trial))
+            logged = _measured(suggestion, crash.trial)
+            record(logged)
+            yield logged
             raise
         logged = plan.judge(suggestion, trial)
         record(logged)
@@ -147,9 +172,12 @@ class _Plan:
         else:
             self._searched += 1
 
-    def _recommend(self) -> Recommendation:
+    def _recommend(self) -> Recommendation | None:
         if not self._finalists:
-            return self._optimizer.recommend()
+            try:
+                return self._optimizer.recommend()
+            except NothingToRecommend:
+                return None
         candidates = zip(self._finalists, self._optimizer.predict(self._finalists), strict=True)
         return Recommendation(*max(candidates, key=lambda candidate: candidate[1].mean))
 
@@ -160,6 +188,12 @@ def _measured(
     """Return the trial for the log, with what its poses and states tell."""
     movement, applied = measure_movement(trial), measure_applied(trial)
     return LoggedTrial(suggestion, trial, speed_m_s, recommendation, movement, applied)
+
+
+def _describe_end(error: BaseException) -> str:
+    if isinstance(error, GeneratorExit):
+        return "the program that learns wanted no more trials"
+    return str(error) or type(error).__name__
 
 
 def _stop_if_hopeless(trial: Trial, failures: int) -> None:
@@ -187,27 +221,3 @@ def _score_again(name: str, logged: LoggedTrial, score_name: str) -> float:
     if logged.score is None or score_name != "net":
         raise ValueError(f"source {name}: imported trials have a net speed only: leave out --score {score_name}")
     return logged.score
-
-
-def summary(trials: Sequence[LoggedTrial]) -> dict[str, Any]:
-    """Return what a run found, as plain data: what was seen and what is believed are kept apart."""
-    valid = [logged for logged in trials if logged.score is not None]
-    best = max(valid, key=lambda logged: logged.score or 0.0, default=None)
-    recommendation = valid[-1].recommendation if valid else None
-    return {
-        "trials": len(trials),
-        "outcomes": dict(Counter(logged.trial.outcome.value for logged in trials)),
-        "best_observed": best
-        and {
-            "trial": best.trial.number,
-            "gait_hz": list(best.trial.gait.frequency_hz),
-            "score_m_s": best.score,
-        },
-        "recommended": recommendation
-        and {
-            "gait_hz": list(recommendation.gait.frequency_hz),
-            "mean_m_s": recommendation.estimate.mean,
-            "low_m_s": recommendation.estimate.low,
-            "high_m_s": recommendation.estimate.high,
-        },
-    }

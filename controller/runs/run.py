@@ -15,10 +15,11 @@ import msgspec
 from vvvaltr import __version__
 from vvvaltr.controller.core.disk import new_folder, write_whole
 from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
-from vvvaltr.controller.core.protocols import Optimizer
-from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.protocols import Observer, Optimizer
+from vvvaltr.controller.core.records import Event, LoggedTrial, Run
 from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity, Source
-from vvvaltr.controller.loop.learn import Budget, learn, source_from, summary
+from vvvaltr.controller.loop.learn import Budget, learn, source_from
+from vvvaltr.controller.loop.summary import summarise
 from vvvaltr.controller.robot.choice import option
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.runs.config import RunConfig, check_config, load_config, refuse_difference, save_config
@@ -94,15 +95,20 @@ class RunDirectory:
         """What the log holds."""
         return replace(self._head, trials=tuple(self.trials))
 
-    def learn(self) -> Iterator[LoggedTrial]:
-        """Make the trials that are still to be made; see ``vvvaltr.controller.loop.learn.learn`` for what is raised."""
+    def learn(self, observers: Sequence[Observer] = ()) -> Iterator[LoggedTrial]:
+        """Make the trials that are still to be made; see ``vvvaltr.controller.loop.learn.learn`` for what is raised.
+
+        ``observers`` are told of each trial once it is in the log, and `summary.json` is brought up to date first.
+        """
         settings = replace(self._rig.settings, duration_s=self.config.duration_s)
-        return learn(self._rig.robot, self.optimizer, settings, _budget(self.config), self._record, tuple(self.trials))
+        history, all_observers = tuple(self.trials), [_Summary(self), *observers]
+        budget = _budget(self.config)
+        return learn(self._rig.robot, self.optimizer, settings, budget, self._record, history, all_observers)
 
     def summarise(self) -> dict[str, Any]:
         """Write `summary.json` and return what is in it."""
         about = {"run": str(self.path), "robot": self.config.robot.name, "method": self.config.method}
-        result = {**about, **summary(self.trials)}
+        result = {**about, **summarise(self.trials)}
         write_whole(self.path / "summary.json", json.dumps(result, indent=2) + "\n")
         return result
 
@@ -116,11 +122,25 @@ class RunDirectory:
         self.trials.append(logged)
 
 
+class _Summary:
+    """The observer that keeps a run's `summary.json` up to date."""
+
+    def __init__(self, run: RunDirectory) -> None:
+        self._run = run
+
+    def on_trial(self, logged: LoggedTrial) -> None:
+        """Write the summary, which now counts this trial."""
+        self._run.summarise()
+
+    def on_event(self, event: Event) -> None:
+        """Do nothing: a summary is of trials."""
+
+
 def load_source(path: Path, score_name: str) -> Source:
     """Return the valid trials of another run (its directory or its log), scored by the score named ``score_name``.
 
     Raises:
-        UserError: it is no run, or has no valid trial.
+        UserError: it is not a run, or has no valid trial.
     """
     log = path / LOG_NAME if path.is_dir() else path
     with one_line_errors():

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.records import Event, LoggedTrial, Run
 from vvvaltr.controller.view.scene import Scene, result_text
 from vvvaltr.controller.view.speed_maps import MAP_X, MAP_Y, Learned, Pair, map_path, send_maps
 
@@ -123,10 +123,13 @@ class LiveView:
             _viewer("--connect", self.url), stdout=quiet, stderr=quiet, start_new_session=True
         )
 
-    def update(self, logged: LoggedTrial) -> None:
+    def on_trial(self, logged: LoggedTrial) -> None:
         """Show one more trial."""
         self._scene.add([logged])
         _send_result(self._recording, self._scene.trials, self._learned)
+
+    def on_event(self, event: Event) -> None:
+        """Do nothing: the view shows trials."""
 
     def close(self) -> None:
         """Send what is left, and end. Idempotent."""

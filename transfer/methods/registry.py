@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
+from vvvaltr.controller.core.ask_tell import complete
 from vvvaltr.controller.core.plug_ins import Registry
 from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.spelling import unknown
@@ -65,4 +66,4 @@ def make_optimizer(method: str, space: GaitSpace, seed: int, sources: Sequence[S
         motors = source.gaits[0].motor_count
         if any(gait.motor_count != space.motor_count for gait in source.gaits):
             raise ValueError(f"source {source.name} is of {motors} motors, the robot has {space.motor_count}")
-    return entry.make(space, seed, sources)
+    return complete(entry.make(space, seed, sources))

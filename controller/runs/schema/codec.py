@@ -145,6 +145,7 @@ def tracking_message(pose: Pose) -> pb.Tracking:
         roll_rad=pose.roll_rad,
         markers_m=chain.from_iterable(pose.markers_m),
         forces=None if pose.forces is None else _forces_message(pose.forces),
+        uncertainty_m=pose.uncertainty_m,
     )
 
 
@@ -158,6 +159,7 @@ def tracking_from(message: pb.Tracking) -> Pose:
         message.roll_rad,
         _vectors(message.markers_m),
         _forces_from(message.forces) if message.HasField("forces") else None,
+        finite(message.uncertainty_m, "uncertainty_m") if message.HasField("uncertainty_m") else None,
     )
 
 

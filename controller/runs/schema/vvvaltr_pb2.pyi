@@ -119,7 +119,7 @@ class Forces(_message.Message):
     def __init__(self, tensions_n: _Optional[_Iterable[float]] = ..., motors_n: _Optional[_Iterable[float]] = ..., contacts_m: _Optional[_Iterable[float]] = ..., contacts_n: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Tracking(_message.Message):
-    __slots__ = ("t_s", "x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "roll_rad", "markers_m", "forces")
+    __slots__ = ("t_s", "x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "roll_rad", "markers_m", "forces", "uncertainty_m")
     T_S_FIELD_NUMBER: _ClassVar[int]
     X_M_FIELD_NUMBER: _ClassVar[int]
     Y_M_FIELD_NUMBER: _ClassVar[int]
@@ -129,6 +129,7 @@ class Tracking(_message.Message):
     ROLL_RAD_FIELD_NUMBER: _ClassVar[int]
     MARKERS_M_FIELD_NUMBER: _ClassVar[int]
     FORCES_FIELD_NUMBER: _ClassVar[int]
+    UNCERTAINTY_M_FIELD_NUMBER: _ClassVar[int]
     t_s: float
     x_m: float
     y_m: float
@@ -138,7 +139,8 @@ class Tracking(_message.Message):
     roll_rad: float
     markers_m: _containers.RepeatedScalarFieldContainer[float]
     forces: Forces
-    def __init__(self, t_s: _Optional[float] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ..., yaw_rad: _Optional[float] = ..., pitch_rad: _Optional[float] = ..., roll_rad: _Optional[float] = ..., markers_m: _Optional[_Iterable[float]] = ..., forces: _Optional[_Union[Forces, _Mapping]] = ...) -> None: ...
+    uncertainty_m: float
+    def __init__(self, t_s: _Optional[float] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ..., yaw_rad: _Optional[float] = ..., pitch_rad: _Optional[float] = ..., roll_rad: _Optional[float] = ..., markers_m: _Optional[_Iterable[float]] = ..., forces: _Optional[_Union[Forces, _Mapping]] = ..., uncertainty_m: _Optional[float] = ...) -> None: ...
 
 class Command(_message.Message):
     __slots__ = ("t_s", "gait", "hold_s")

@@ -5,8 +5,9 @@ from scripted import ScriptedRobot, raising
 
 from vvvaltr.controller.core.errors import TrackingLost, UserError
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import GaitSpace, Outcome
-from vvvaltr.controller.loop.learn import Budget, learn, source_from, summary
+from vvvaltr.controller.core.values import Gait, GaitSpace, Outcome, Suggestion
+from vvvaltr.controller.loop.learn import Budget, learn, source_from
+from vvvaltr.controller.loop.summary import summarise
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings
 from vvvaltr.transfer.methods.efficient_bo import EfficientBO
 from vvvaltr.transfer.methods.plain_bo import PlainBO
@@ -26,7 +27,7 @@ def test_the_loop_makes_its_trials_and_finds_the_fast_corner() -> None:
 
     run(ScriptedRobot(), 20, log)
 
-    found = summary(log)
+    found = summarise(log)
     assert [logged.trial.number for logged in log] == list(range(1, 21))
     assert found["outcomes"] == {"completed": 20}
     assert found["recommended"]["gait_hz"][0] > 16.0
@@ -91,7 +92,7 @@ def test_a_robot_that_keeps_failing_ends_the_run_with_the_reason() -> None:
         run(ScriptedRobot(at_s=0.0, event=raising(TrackingLost("hidden"))), 10, log)
 
     assert len(log) == 3
-    assert summary(log)["recommended"] is None
+    assert summarise(log)["recommended"] is None
 
 
 def test_after_the_mending_the_failures_of_before_do_not_count() -> None:
@@ -102,7 +103,7 @@ def test_after_the_mending_the_failures_of_before_do_not_count() -> None:
 
     run(ScriptedRobot(), 4, log)
 
-    assert summary(log)["outcomes"] == {"tracking_lost": 3, "completed": 4}
+    assert summarise(log)["outcomes"] == {"tracking_lost": 3, "completed": 4}
 
 
 def test_an_interrupt_ends_the_run_with_the_trial_on_record() -> None:
@@ -138,3 +139,22 @@ def test_a_source_is_the_valid_trials_scored_anew() -> None:
 def test_a_source_of_failures_alone_is_refused() -> None:
     with pytest.raises(ValueError, match="no valid trial"):
         source_from("flat", [], "net")
+
+
+class Constant:
+    """An optimiser of one's own that only asks and tells."""
+
+    def ask(self) -> Suggestion:
+        return Suggestion(Gait((10.0, 10.0, 10.0)), "constant")
+
+    def tell(self, gait: Gait, score: float) -> None:
+        """Learn nothing."""
+
+
+def test_ask_and_tell_suffice_and_the_first_recommendation_comes_with_the_first_repeat() -> None:
+    log = list(learn(ScriptedRobot(), Constant(), SETTINGS, Budget(3), lambda _: None))
+
+    assert log[0].recommendation is None
+    assert summarise(log[:1])["recommended"] is None
+    assert log[2].recommendation is not None
+    assert log[2].recommendation.estimate.mean == pytest.approx(log[0].score)

@@ -120,7 +120,7 @@ trials = st.builds(
     st.text(),
     st.floats(0, 4e9),
     times,
-    lists(st.builds(Pose, times, vectors, numbers, numbers, numbers, lists(vectors))),
+    lists(st.builds(Pose, times, vectors, numbers, numbers, numbers, lists(vectors), st.none(), maybe)),
     lists(st.builds(Command, times, gaits, numbers)),
     lists(st.builds(MotorState, times, lists(numbers), st.booleans(), lists(numbers), lists(numbers))),
     st.builds(Conditions, maybe, maybe, st.booleans(), counts, maybe, maybe),

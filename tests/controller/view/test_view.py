@@ -252,7 +252,7 @@ def wait_until_complete(path: Path) -> None:
 def test_a_live_view_serves_the_run_to_a_viewer_that_comes_late(tmp_path: Path) -> None:
     live = LiveView(replace(RUN, trials=RUN.trials[:2]), "sample", Learned(SPACE, predict))
     for logged in RUN.trials[2:]:
-        live.update(logged)
+        live.on_trial(logged)
     received = receive(live, tmp_path / "received.rrd")
     live.close()
     assert set(received) == set(saved(tmp_path, RUN, Learned(SPACE, predict)))
@@ -268,7 +268,7 @@ def test_a_live_view_of_a_resumed_run_asks_nothing_of_an_optimiser_that_was_told
 
 def test_a_live_view_without_a_viewer_costs_nothing_but_its_own_work() -> None:
     live = LiveView(Run(STRUCTURE), "sample")
-    live.update(logged_trial(1))
+    live.on_trial(logged_trial(1))
     live.close()
     live.close()
 
