@@ -11,7 +11,7 @@ from vvvaltr.controller.core.errors import NothingToRecommend, UserError
 from vvvaltr.controller.core.protocols import AskTell, Observer, Optimizer, Robot
 from vvvaltr.controller.core.records import EventKind, LoggedTrial
 from vvvaltr.controller.core.values import Gait, Outcome, Phase, Recommendation, Source, Suggestion, Trial
-from vvvaltr.controller.loop.movement import measure_applied, measure_movement
+from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.observing import Followers
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
@@ -107,7 +107,7 @@ def _make_trials(
         try:
             trial = run_trial(robot, suggestion.gait, settings, number)
         except TrialCrashed as crash:
-            logged = _measured(suggestion, crash.trial)
+            logged = complete_record(suggestion, crash.trial)
             record(logged)
             yield logged
             raise
@@ -148,10 +148,10 @@ class _Plan:
     def judge(self, suggestion: Suggestion, trial: Trial) -> LoggedTrial:
         """Score a trial and learn from it, if it measured something."""
         if not trial.outcome.is_valid:
-            return _measured(suggestion, trial)
+            return complete_record(suggestion, trial)
         speed_m_s = score(trial, self._budget.score_name)
         self._take(suggestion, trial.gait, speed_m_s)
-        return _measured(suggestion, trial, speed_m_s, self._recommend())
+        return complete_record(suggestion, trial, speed_m_s, self._recommend())
 
     def _is_search_over(self) -> bool:
         if self._searched >= self._budget.search_trials:
@@ -180,14 +180,6 @@ class _Plan:
                 return None
         candidates = zip(self._finalists, self._optimizer.predict(self._finalists), strict=True)
         return Recommendation(*max(candidates, key=lambda candidate: candidate[1].mean))
-
-
-def _measured(
-    suggestion: Suggestion, trial: Trial, speed_m_s: float | None = None, recommendation: Recommendation | None = None
-) -> LoggedTrial:
-    """Return the trial for the log, with what its poses and states tell."""
-    movement, applied = measure_movement(trial), measure_applied(trial)
-    return LoggedTrial(suggestion, trial, speed_m_s, recommendation, movement, applied)
 
 
 def _describe_end(error: BaseException) -> str:

@@ -5,8 +5,15 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from vvvaltr.controller.core.records import AppliedFrequencies, Displacement, Movement, RestingPose
-from vvvaltr.controller.core.values import Pose, Trial
+from vvvaltr.controller.core.records import AppliedFrequencies, Displacement, LoggedTrial, Movement, RestingPose
+from vvvaltr.controller.core.values import Pose, Recommendation, Suggestion, Trial
+
+
+def complete_record(
+    suggestion: Suggestion, trial: Trial, score_m_s: float | None = None, recommendation: Recommendation | None = None
+) -> LoggedTrial:
+    """Return a trial for the log, with what its poses and states tell."""
+    return LoggedTrial(suggestion, trial, score_m_s, recommendation, measure_movement(trial), measure_applied(trial))
 
 
 def measure_movement(trial: Trial) -> Movement | None:

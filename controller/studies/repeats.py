@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Estimate, Gait, Outcome, Suggestion
+from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 
@@ -45,10 +46,10 @@ def repeat_trial(
         try:
             trial = run_trial(robot, gait, settings, number)
         except TrialCrashed as crash:
-            record(LoggedTrial(Suggestion(gait, ORIGIN), crash.trial, None, None))
+            record(complete_record(Suggestion(gait, ORIGIN), crash.trial))
             raise
         speed_m_s = score(trial, score_name) if trial.outcome.is_valid else None
-        logged = LoggedTrial(Suggestion(gait, ORIGIN), trial, speed_m_s, None)
+        logged = complete_record(Suggestion(gait, ORIGIN), trial, speed_m_s)
         record(logged)
         yield logged
         failures = 0 if trial.outcome.is_valid else failures + 1
