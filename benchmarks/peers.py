@@ -58,11 +58,11 @@ class TwinProblem:
 
     def __init__(self, condition: str) -> None:
         from vvvaltr.controller.loop.trial_runner import TrialSettings
-        from vvvaltr.transfer.experiments.thesis import pairs
-        from vvvaltr.transfer.experiments.unit import Settings, opened
+        from vvvaltr.transfer.experiments.thesis import list_pairs
+        from vvvaltr.transfer.experiments.unit import Settings, open_condition
 
-        target = next(pair.target for pair in pairs("planar") if pair.target.name == condition)
-        self._robot, self._space = opened(Settings(), target, seed=0)
+        target = next(pair.target for pair in list_pairs("planar") if pair.target.name == condition)
+        self._robot, self._space = open_condition(Settings(), target, seed=0)
         self._settings = TrialSettings()
         self.dimension = self._space.dimension
 

@@ -51,21 +51,21 @@ def _add_arguments(parser: ArgumentParser) -> None:
 def _execute(arguments: Namespace) -> Answer:
     from vvvaltr.controller.core.errors import one_line_errors
     from vvvaltr.controller.core.processes import processes
-    from vvvaltr.transfer.experiments.campaign import run_campaign, transfer_methods
+    from vvvaltr.transfer.experiments.campaign import list_transfer_methods, run_campaign
     from vvvaltr.transfer.experiments.cluster import cluster
-    from vvvaltr.transfer.experiments.findings import as_json, findings
+    from vvvaltr.transfer.experiments.findings import as_json, gather_findings
     from vvvaltr.transfer.experiments.store import Store
-    from vvvaltr.transfer.experiments.thesis import pairs_named
-    from vvvaltr.transfer.experiments.unit import opened
+    from vvvaltr.transfer.experiments.thesis import find_pairs
+    from vvvaltr.transfer.experiments.unit import open_condition
 
     with one_line_errors():
-        pairs = pairs_named(arguments.robot, arguments.experiment)
-    methods = arguments.methods or transfer_methods()
-    if strangers := set(methods) - set(transfer_methods()):
-        raise NotUnderstood(f"--methods: {unknown('method', min(strangers), transfer_methods())}")
+        pairs = find_pairs(arguments.robot, arguments.experiment)
+    methods = arguments.methods or list_transfer_methods()
+    if strangers := set(methods) - set(list_transfer_methods()):
+        raise NotUnderstood(f"--methods: {unknown('method', min(strangers), list_transfer_methods())}")
     settings = _settings(arguments)
     with one_line_errors():
-        robot, _ = opened(settings, pairs[0].target, settings.seed)  # here, before anything is written
+        robot, _ = open_condition(settings, pairs[0].target, settings.seed)  # here, before anything is written
         robot.close()
     out = arguments.out or Path("runs") / f"experiments-{arguments.robot}{'-signed' * arguments.signed}"
     with cluster(arguments.scheduler) if arguments.scheduler else processes(arguments.jobs) as executor:
@@ -75,7 +75,7 @@ def _execute(arguments: Namespace) -> Answer:
                 run_campaign(store, pairs, arguments.repeats, methods, executor, partial(_progress, arguments))
         except KeyboardInterrupt:
             raise KeyboardInterrupt("what is done is saved: the same command continues it") from None
-    found = findings(store, pairs)
+    found = gather_findings(store, pairs)
     return Answer(_prose(found, out), {"experiments": as_json(found), "out": str(out)})
 
 

@@ -18,16 +18,16 @@ def _add_arguments(parser: ArgumentParser) -> None:
 def _execute(arguments: Namespace) -> Answer:
     from vvvaltr.controller.core.errors import one_line_errors
     from vvvaltr.transfer.experiments.findings import as_json
-    from vvvaltr.transfer.experiments.report import found_in, markdown, write_report
+    from vvvaltr.transfer.experiments.report import require_findings, to_markdown, write_report
     from vvvaltr.transfer.experiments.store import Store
 
     if not arguments.markdown and find_spec("matplotlib") is None:
         raise UserError('the figures need matplotlib: pip install "vvvaltr[report]"')
     store = Store.open(arguments.campaign)
     with one_line_errors():
-        found = found_in(store)
+        found = require_findings(store)
         if arguments.markdown:
-            return Answer(markdown(found), {"experiments": as_json(found), "out": str(arguments.campaign)})
+            return Answer(to_markdown(found), {"experiments": as_json(found), "out": str(arguments.campaign)})
         page = write_report(store)
     return Answer(f"{page}: open it in a browser", {"report": str(page), "experiments": as_json(found)})
 

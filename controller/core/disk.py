@@ -10,14 +10,22 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
-def write_whole(path: Path, content: str) -> None:
-    """Write a file, or replace it, in one step and down to the disk. Raises OSError, and then nothing has changed."""
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file, or replace it, in one step and down to the disk; text is written as UTF-8.
+
+    Raises:
+        OSError: the file cannot be written; the old one, if any, is unchanged.
+    """
     fresh = path.with_name(f"{path.name}.new")
-    with fresh.open("w", encoding="utf-8") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(fresh, path)
+    try:
+        with fresh.open("wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(fresh, path)
+    except BaseException:
+        fresh.unlink(missing_ok=True)
+        raise
     sync_folder(path)
 
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
 from vvvaltr.controller.view.scene import Scene, result_text
@@ -58,17 +59,12 @@ def save_recording(run: Run, path: Path, title: str, learned: Learned | None = N
 
 def _write(recording: bytes, path: Path) -> None:
     """Write the whole file or nothing of it."""
-    part = path.with_name(f"{path.name}.part")
     try:
-        part.write_bytes(recording)
-        os.replace(part, path)
+        write_whole(path, recording)
     except OSError as error:
         raise UserError(
             f"{path} cannot be written: {error.strerror}; free some space, or choose another place"
         ) from error
-    finally:
-        with suppress(OSError):  # it is in its place, or was never made
-            part.unlink()
 
 
 def show(run: Run, title: str, learned: Learned | None = None, web: bool = False) -> None:

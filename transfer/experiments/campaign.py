@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.experiments.store import Store
-from vvvaltr.transfer.experiments.thesis import Pair, pairs
+from vvvaltr.transfer.experiments.thesis import Pair, list_pairs
 from vvvaltr.transfer.experiments.unit import Result, Settings, Unit, work
 from vvvaltr.transfer.methods.registry import METHODS
 
@@ -40,31 +40,33 @@ class PairUnits:
     methods: dict[str, Unit]
 
 
-def transfer_methods() -> tuple[str, ...]:
+def list_transfer_methods() -> tuple[str, ...]:
     """Return the names of all methods that are compared with Plain-BO."""
     return tuple(name for name in METHODS if name != "plain")
 
 
-def checkpoints(trials: int) -> tuple[int, ...]:
+def list_checkpoints(trials: int) -> tuple[int, ...]:
     """Return the checkpoints of a run of so many trials; the last is its end."""
     return (*(after for after in CHECKPOINTS if after < trials), trials)
 
 
-def checkpoints_of(pair: Pair, settings: Settings) -> tuple[int, ...]:
+def plan_checkpoints(pair: Pair, settings: Settings) -> tuple[int, ...]:
     """Return the checkpoints of an experiment."""
-    return checkpoints(min(pair.trials, settings.most_trials or pair.trials))
+    return list_checkpoints(min(pair.trials, settings.most_trials or pair.trials))
 
 
-def units_of(pair: Pair, settings: Settings, repeat: int, methods: Sequence[str]) -> PairUnits:
+def plan_units(pair: Pair, settings: Settings, repeat: int, methods: Sequence[str]) -> PairUnits:
     """Return the units of repeat ``repeat``, counted from 1.
 
     Those that do not depend on the source are the same ones, by name, in every experiment with the same target; so are
     those of the source. They are as long as the longest of these experiments; see ``Result.until``.
     """
-    every = pairs(settings.robot)
-    afters = checkpoints_of(pair, settings)
-    source_trials = max(checkpoints_of(it, settings)[-1] for it in every if it.source == pair.source)
-    alone_afters = sorted({after for it in every if it.target == pair.target for after in checkpoints_of(it, settings)})
+    every = list_pairs(settings.robot)
+    afters = plan_checkpoints(pair, settings)
+    source_trials = max(plan_checkpoints(it, settings)[-1] for it in every if it.source == pair.source)
+    alone_afters = sorted(
+        {after for it in every if it.target == pair.target for after in plan_checkpoints(it, settings)}
+    )
     source = Unit(pair.source, "plain", source_trials, repeat, role="source")
     alone = Unit(pair.target, "plain", alone_afters[-1], repeat, role="target1", checkpoints=tuple(alone_afters))
 
@@ -91,19 +93,21 @@ def run_campaign(
         UserError: a worker died.
         RuntimeError: a unit failed.
     """
-    all_units = [units_of(pair, store.settings, repeat, methods) for repeat in range(1, repeats + 1) for pair in chosen]
-    sources = _missing(store, (units.source for units in all_units))
-    _do(store, sources, executor, progress)
-    targets = _missing(store, (unit for units in all_units for unit in (*units.plain, *units.methods.values())))
-    _do(store, targets, executor, progress)
+    all_units = [
+        plan_units(pair, store.settings, repeat, methods) for repeat in range(1, repeats + 1) for pair in chosen
+    ]
+    sources = _list_missing(store, (units.source for units in all_units))
+    _work_through(store, sources, executor, progress)
+    targets = _list_missing(store, (unit for units in all_units for unit in (*units.plain, *units.methods.values())))
+    _work_through(store, targets, executor, progress)
 
 
-def _missing(store: Store, units: Iterable[Unit]) -> list[Unit]:
+def _list_missing(store: Store, units: Iterable[Unit]) -> list[Unit]:
     return [unit for name, unit in {unit.name: unit for unit in units}.items() if not store.has(unit)]
 
 
-def _do(store: Store, units: Sequence[Unit], executor: Executor, progress: Progress) -> None:
-    pending = {executor.submit(work, store.settings, unit, _source(store, unit)): unit for unit in units}
+def _work_through(store: Store, units: Sequence[Unit], executor: Executor, progress: Progress) -> None:
+    pending = {executor.submit(work, store.settings, unit, _load_source(store, unit)): unit for unit in units}
     for finished in progress(as_completed(pending), len(pending)):
         try:
             store.save(pending[finished], finished.result())
@@ -111,7 +115,7 @@ def _do(store: Store, units: Sequence[Unit], executor: Executor, progress: Progr
             raise UserError("a worker died, perhaps for want of memory: go on with fewer --jobs") from None
 
 
-def _source(store: Store, unit: Unit) -> Source | None:
+def _load_source(store: Store, unit: Unit) -> Source | None:
     if unit.source is None:
         return None
     run = store.load(unit.source).until((unit.trials,))

@@ -29,16 +29,16 @@ def colour(method: str) -> str:
     return BLUE if METHODS[method].uses_sources else RED
 
 
-def overview(found: Sequence[PairFindings]) -> Figure:
+def draw_overview(found: Sequence[PairFindings]) -> Figure:
     """Draw the gain in true speed of every method on every experiment, after 10 and 20 trials and at the end."""
     columns = min(4, len(found))
-    figure, panels = _panels(len(found), columns, height=2.9)
+    figure, panels = _make_panels(len(found), columns, height=2.9)
     for axes, pair in zip(panels, found, strict=False):
         names = [name for name in pair.methods if name != "plain"]
         shown = list(zip(pair.checkpoint_names(), range(len(pair.checkpoints)), strict=True))[-3:]
         for row, name in enumerate(names):
             for place, (_, at) in enumerate(shown):
-                _gain_bar(axes, pair.methods[name], at, row + 0.26 * (place - 1), 0.4 + 0.3 * place, colour(name))
+                _draw_gain(axes, pair.methods[name], at, row + 0.26 * (place - 1), 0.4 + 0.3 * place, colour(name))
         axes.axvline(0.0, color=GREY, linewidth=1.0)
         axes.axvline(-5.0, color=GREY, linewidth=0.8, linestyle=":")
         axes.set(ylim=(len(names) - 0.4, -0.6), yticks=range(len(names)))
@@ -52,40 +52,40 @@ def overview(found: Sequence[PairFindings]) -> Figure:
     return figure
 
 
-def _gain_bar(axes: Axes, method: MethodFindings, at: int, y: float, alpha: float, shade: str) -> None:
+def _draw_gain(axes: Axes, method: MethodFindings, at: int, y: float, alpha: float, shade: str) -> None:
     it = method.against_plain[at]
     interval = it.interval_percent
     axes.plot([interval.low, interval.high], [y, y], color=shade, alpha=alpha, linewidth=2.2, solid_capstyle="butt")
     axes.plot([it.gain_percent], [y], "o", color=shade, alpha=alpha, markersize=4.0)
 
 
-def true_speed(found: PairFindings) -> Figure:
+def draw_true_speed(found: PairFindings) -> Figure:
     """Draw the true mean speed of the recommended gait against trial, each method beside Plain-BO."""
 
     def draw(axes: Axes, runs: Runs, shade: str) -> None:
-        _banded(axes, found.checkpoints, runs.true_m_s.mean(axis=1), shade, marker="o")
+        _draw_band(axes, found.checkpoints, runs.true_m_s.mean(axis=1), shade, marker="o")
 
     highest_m_s = max(float(it.runs.mean_true_m_s.max()) for it in found.methods.values())
-    return _beside_plain(found, draw, "true speed of the\nrecommended gait (mm/s)", highest_m_s)
+    return _draw_beside_plain(found, draw, "true speed of the\nrecommended gait (mm/s)", highest_m_s)
 
 
-def best_so_far(found: PairFindings) -> Figure:
+def draw_best_so_far(found: PairFindings) -> Figure:
     """Draw the best observed speed so far against trial, as the thesis does, each method beside Plain-BO."""
     level_mm_s = 1000.0 * plain_level_m_s(found.plain.runs)
 
     def draw(axes: Axes, runs: Runs, shade: str) -> None:
-        _banded(axes, range(1, found.checkpoints[-1] + 1), runs.best_m_s.mean(axis=1), shade)
+        _draw_band(axes, range(1, found.checkpoints[-1] + 1), runs.best_m_s.mean(axis=1), shade)
         axes.axhline(level_mm_s, color=GREY, linewidth=0.8, linestyle=":")
 
     highest_m_s = max(float(it.runs.best_m_s.mean(axis=(0, 1)).max()) for it in found.methods.values())
-    figure = _beside_plain(found, draw, "best observed\nso far (mm/s)", highest_m_s)
+    figure = _draw_beside_plain(found, draw, "best observed\nso far (mm/s)", highest_m_s)
     for axes, (name, method) in zip(figure.axes, _others(found), strict=False):
         if math.isfinite(method.trials_to_plain_level):
             axes.plot([method.trials_to_plain_level], [level_mm_s], "v", color=colour(name), markersize=6.0)
     return figure
 
 
-def learned(found: Surfaces, pair: PairFindings) -> Figure:
+def draw_learned(found: Surfaces, pair: PairFindings) -> Figure:
     """Draw the learned surfaces of source and target side by side; a star marks the target's best gait on both."""
     from matplotlib.figure import Figure
 
@@ -123,13 +123,13 @@ def _others(found: PairFindings) -> list[tuple[str, MethodFindings]]:
     return [(name, method) for name, method in found.methods.items() if name != "plain"]
 
 
-def _beside_plain(
+def _draw_beside_plain(
     found: PairFindings, draw: Callable[[Axes, Runs, str], None], label: str, highest_m_s: float
 ) -> Figure:
     """Draw a panel for each method; the speeds' axis leaves room for bands above the highest mean."""
     others = _others(found)
     columns = min(4, len(others))
-    figure, panels = _panels(len(others), columns, height=2.3, share=True)
+    figure, panels = _make_panels(len(others), columns, height=2.3, share=True)
     for place, (axes, (name, method)) in enumerate(zip(panels, others, strict=False)):
         draw(axes, found.plain.runs, GREY)
         draw(axes, method.runs, colour(name))
@@ -142,7 +142,7 @@ def _beside_plain(
     return figure
 
 
-def _panels(count: int, columns: int, height: float, share: bool = False) -> tuple[Figure, list[Axes]]:
+def _make_panels(count: int, columns: int, height: float, share: bool = False) -> tuple[Figure, list[Axes]]:
     from matplotlib.figure import Figure
 
     rows = math.ceil(count / columns)
@@ -156,7 +156,7 @@ def _panels(count: int, columns: int, height: float, share: bool = False) -> tup
     return figure, grid
 
 
-def _banded(axes: Axes, trials: Sequence[int], speeds_m_s: Array, shade: str, marker: str = "") -> None:
+def _draw_band(axes: Axes, trials: Sequence[int], speeds_m_s: Array, shade: str, marker: str = "") -> None:
     """Draw the mean over repeats with its 95 % interval; speeds have the shape (repeats, trials)."""
     axes.plot(trials, 1000.0 * speeds_m_s.mean(axis=0), color=shade, linewidth=1.6, marker=marker, markersize=3.5)
     low, high = mean_interval(speeds_m_s)

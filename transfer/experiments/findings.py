@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.transfer.experiments.campaign import PairUnits, checkpoints_of, transfer_methods, units_of
+from vvvaltr.transfer.experiments.campaign import PairUnits, list_transfer_methods, plan_checkpoints, plan_units
 from vvvaltr.transfer.experiments.statistics import Comparison, Interval, compare, holm, trials_to_level
 from vvvaltr.transfer.experiments.store import Store
-from vvvaltr.transfer.experiments.thesis import Pair, pairs
+from vvvaltr.transfer.experiments.thesis import Pair, list_pairs
 from vvvaltr.transfer.experiments.unit import Result, Step, Unit
 
 NO_DIFFERENCE = Comparison(0.0, Interval(0.0, 0.0), 1.0, 0.0, 1.0)
@@ -117,7 +117,7 @@ class PairFindings:
         return (*map(str, self.checkpoints[:-1]), "end")
 
 
-def findings(store: Store, chosen: Sequence[Pair] = ()) -> tuple[PairFindings, ...]:
+def gather_findings(store: Store, chosen: Sequence[Pair] = ()) -> tuple[PairFindings, ...]:
     """Return what the campaign has found so far: every experiment of which a repeat is complete, in their order.
 
     A repeat is complete when Plain-BO's runs and those of every method that has been begun are done.
@@ -126,9 +126,9 @@ def findings(store: Store, chosen: Sequence[Pair] = ()) -> tuple[PairFindings, .
         store: the campaign.
         chosen: the experiments to look at; all that have been begun if none are given.
     """
-    every = pairs(store.settings.robot)
+    every = list_pairs(store.settings.robot)
     looked_at = chosen or [pair for pair in every if _is_begun(store, pair)] or every
-    found = (_pair_findings(store, pair) for pair in looked_at)
+    found = (_gather_pair(store, pair) for pair in looked_at)
     return tuple(it for it in found if it is not None)
 
 
@@ -136,17 +136,17 @@ def _is_begun(store: Store, pair: Pair) -> bool:
     """Return whether something has learned from the pair's source: all else can belong to another pair as well."""
     return any(
         unit.source and store.has(unit)
-        for unit in units_of(pair, store.settings, 1, transfer_methods()).methods.values()
+        for unit in plan_units(pair, store.settings, 1, list_transfer_methods()).methods.values()
     )
 
 
-def _pair_findings(store: Store, pair: Pair) -> PairFindings | None:
-    first = units_of(pair, store.settings, 1, transfer_methods())
+def _gather_pair(store: Store, pair: Pair) -> PairFindings | None:
+    first = plan_units(pair, store.settings, 1, list_transfer_methods())
     methods = [name for name, unit in first.methods.items() if store.has(unit)]
-    complete = _complete_repeats(store, pair, methods)
+    complete = _list_complete_repeats(store, pair, methods)
     if not complete:
         return None
-    afters = checkpoints_of(pair, store.settings)
+    afters = plan_checkpoints(pair, store.settings)
 
     def result(unit: Unit) -> Result:
         return store.load(unit).until(afters)
@@ -159,20 +159,20 @@ def _pair_findings(store: Store, pair: Pair) -> PairFindings | None:
         pair,
         len(complete),
         afters,
-        _compared(runs, stream(store.settings.seed, 0, f"statistics of {pair.key}")),
+        _compare_methods(runs, stream(store.settings.seed, 0, f"statistics of {pair.key}")),
         tuple(result(units.source) for units in complete),
         tuple(replicates[0] for replicates in plain),
     )
 
 
-def _complete_repeats(store: Store, pair: Pair, methods: Sequence[str]) -> list[PairUnits]:
+def _list_complete_repeats(store: Store, pair: Pair, methods: Sequence[str]) -> list[PairUnits]:
     def is_complete(units: PairUnits) -> bool:
         return all(map(store.has, (units.source, *units.plain, *units.methods.values())))
 
-    return list(takewhile(is_complete, (units_of(pair, store.settings, repeat, methods) for repeat in count(1))))
+    return list(takewhile(is_complete, (plan_units(pair, store.settings, repeat, methods) for repeat in count(1))))
 
 
-def _compared(runs: Mapping[str, Runs], random: np.random.Generator) -> dict[str, MethodFindings]:
+def _compare_methods(runs: Mapping[str, Runs], random: np.random.Generator) -> dict[str, MethodFindings]:
     plain = runs["plain"]
     level = plain_level_m_s(plain)
     columns = range(plain.true_m_s.shape[2])

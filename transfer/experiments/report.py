@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vvvaltr.transfer.experiments import figures, tables
-from vvvaltr.transfer.experiments.findings import PairFindings, findings
+from vvvaltr.transfer.experiments.findings import PairFindings, gather_findings
 from vvvaltr.transfer.experiments.store import Store
-from vvvaltr.transfer.experiments.surfaces import surfaces
+from vvvaltr.transfer.experiments.surfaces import fit_surfaces
 from vvvaltr.transfer.experiments.tables import Table
-from vvvaltr.transfer.experiments.unit import Settings, opened
+from vvvaltr.transfer.experiments.unit import Settings, open_condition
 from vvvaltr.transfer.methods.registry import METHODS
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def write_report(store: Store) -> Path:
         ImportError: matplotlib is missing.
         OSError: the folder cannot be written.
     """
-    found = found_in(store)
+    found = require_findings(store)
     folder = store.folder / "figures"
     folder.mkdir(exist_ok=True)
     page = "\n".join([*_head(store.settings, found, folder), *(_section(store, it, folder) for it in found)])
@@ -73,20 +73,20 @@ def write_report(store: Store) -> Path:
     return path
 
 
-def found_in(store: Store) -> tuple[PairFindings, ...]:
+def require_findings(store: Store) -> tuple[PairFindings, ...]:
     """Return what the campaign has found. Raises ValueError where no repeat of any experiment is complete."""
-    found = findings(store)
+    found = gather_findings(store)
     if not found:
         raise ValueError(f"{store.folder}: no repeat of an experiment is complete yet; go on with vvvaltr experiment")
     return found
 
 
-def markdown(found: Sequence[PairFindings]) -> str:
+def to_markdown(found: Sequence[PairFindings]) -> str:
     """Return all tables in Markdown, for a document."""
-    parts = [*map(tables.markdown, tables.beside_thesis(found))]
+    parts = [*map(tables.to_markdown, tables.compare_with_thesis(found))]
     for it in found:
         parts.append(f"### {_title(it)}\n\n{_repeats(it)} of {it.checkpoints[-1]} trials. {it.pair.why}")
-        parts += [tables.markdown(tables.true_speeds(it)), tables.markdown(tables.verdicts(it))]
+        parts += [tables.to_markdown(tables.tabulate_true_speeds(it)), tables.to_markdown(tables.tabulate_verdicts(it))]
     return "\n\n".join(parts)
 
 
@@ -97,9 +97,9 @@ def _head(settings: Settings, found: Sequence[PairFindings], folder: Path) -> li
         "<h1>Does what was learned before help?</h1>",
         f"<p>{settings.robot} twin, {motors}, trials of {settings.duration_s:g} s, seed {settings.seed}.</p>",
         _READING % {"starts": settings.starts},
-        _figure(figures.overview(found), folder / "overview.png", "All experiments at a glance. Right of the grey line "
+        _figure(figures.draw_overview(found), folder / "overview.png", "All experiments at a glance. Right of the grey line "
                 "is faster than Plain-BO; the dotted line is 5 % slower."),
-        *map(_table, tables.beside_thesis(found)),
+        *map(_table, tables.compare_with_thesis(found)),
         "<h3>The methods</h3><ul>",
         *(f"<li><b>{escape(name)}</b>: {escape(METHODS[name].description)}</li>" for name in methods),
         "</ul>",
@@ -108,23 +108,23 @@ def _head(settings: Settings, found: Sequence[PairFindings], folder: Path) -> li
 
 def _section(store: Store, it: PairFindings, folder: Path) -> str:
     pair = it.pair
-    _, space = opened(store.settings, pair.target, seed=0)
-    learned = surfaces(space, it.source_runs, it.target_runs)
+    _, space = open_condition(store.settings, pair.target, seed=0)
+    learned = fit_surfaces(space, it.source_runs, it.target_runs)
     inverted = ", its scores turned upside down" if pair.inverted else ""
     return "\n".join([
         f"<h2 id='{escape(pair.key)}'>{escape(_title(it))}</h2>",
         f"<p>{escape(pair.why)} Source: {escape(pair.source.title)}{inverted}. Target: {escape(pair.target.title)}. "
         f"{_repeats(it)} of {it.checkpoints[-1]} trials.</p>",
         f"<p class='key'>{escape(_in_words(it))}</p>",
-        _figure(figures.true_speed(it), folder / f"{pair.key}-true-speed.png",
+        _figure(figures.draw_true_speed(it), folder / f"{pair.key}-true-speed.png",
                 "True mean speed of the recommended gait against trial, with the 95 % band of the mean over repeats. "
                 "Grey: Plain-BO."),
-        _table(tables.true_speeds(it)),
-        _figure(figures.best_so_far(it), folder / f"{pair.key}-best-so-far.png",
+        _table(tables.tabulate_true_speeds(it)),
+        _figure(figures.draw_best_so_far(it), folder / f"{pair.key}-best-so-far.png",
                 "Best observed speed so far, as the thesis plots it. Dotted: where Plain-BO's median run ends; the "
                 "triangle is where the method's median run gets there."),
-        _table(tables.verdicts(it)),
-        _figure(figures.learned(learned, it), folder / f"{pair.key}-learned.png",
+        _table(tables.tabulate_verdicts(it)),
+        _figure(figures.draw_learned(learned, it), folder / f"{pair.key}-learned.png",
                 "What the runs have learned, source and target side by side: expected speed over two motors, the "
                 "third as given. The star marks the gait expected to be the target's fastest, on both."),
     ])  # fmt: skip
@@ -150,7 +150,7 @@ def _in_words(it: PairFindings) -> str:
     for checkpoint, comparison in zip(it.checkpoints[-3:], it.methods[name].against_plain[-3:], strict=True):
         interval = comparison.interval_percent
         verdict = "faster" if interval.low > 0.0 else "slower" if interval.high < 0.0 else "no difference shown"
-        sentences.append(f"after {checkpoint} trials {tables.gain(comparison)} ({verdict})")
+        sentences.append(f"after {checkpoint} trials {tables.gain_text(comparison)} ({verdict})")
     return f"True speed of {name} against Plain-BO: {'; '.join(sentences)}."
 
 

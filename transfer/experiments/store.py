@@ -6,13 +6,13 @@ later.
 
 from __future__ import annotations
 
-import os
 import tomllib
 from pathlib import Path
 
 import msgspec
 import tomli_w
 
+from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.transfer.experiments.unit import Result, Settings, Step, Truth, Unit
 
@@ -63,7 +63,7 @@ class Store:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise UserError(f"{folder} exists and is not a campaign: choose another --out")
         folder.mkdir(parents=True, exist_ok=True)
-        _write(folder / "campaign.toml", tomli_w.dumps(msgspec.to_builtins(settings)).encode())
+        write_whole(folder / "campaign.toml", tomli_w.dumps(msgspec.to_builtins(settings)))
         return cls(folder, settings)
 
     def has(self, unit: Unit) -> bool:
@@ -74,7 +74,7 @@ class Store:
         """Keep what a unit found."""
         path = self._path(unit)
         path.parent.mkdir(parents=True, exist_ok=True)
-        _write(path, _ENCODER.encode_lines([*result.steps, *result.truths]))
+        write_whole(path, _ENCODER.encode_lines([*result.steps, *result.truths]))
 
     def load(self, unit: Unit) -> Result:
         """Return what a unit that is done found. Raises UserError where its file is not as it was written."""
@@ -100,9 +100,3 @@ def _check_whole(result: Result, unit: Unit) -> None:
         truth.speeds_m_s for truth in result.truths
     ):
         raise ValueError(f"it does not hold the true speeds after trials {', '.join(map(str, unit.checkpoints))}")
-
-
-def _write(path: Path, content: bytes) -> None:
-    fresh = path.with_name(path.name + ".new")
-    fresh.write_bytes(content)
-    os.replace(fresh, path)

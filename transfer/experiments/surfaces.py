@@ -50,7 +50,7 @@ class Surfaces:
     slices: tuple[Slice, ...]
 
 
-def surfaces(space: GaitSpace, source: Sequence[Result], target: Sequence[Result]) -> Surfaces:
+def fit_surfaces(space: GaitSpace, source: Sequence[Result], target: Sequence[Result]) -> Surfaces:
     """Return slices of three motors' surfaces, each a model of the trials of several runs.
 
     The motor that is not in the picture is off, as in section 8.1 of the thesis, where off is a gait that may be tried;

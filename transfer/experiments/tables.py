@@ -19,7 +19,7 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
 
 
-def true_speeds(found: PairFindings) -> Table:
+def tabulate_true_speeds(found: PairFindings) -> Table:
     """Return the true mean speeds at the checkpoints, with the gain over Plain-BO, its interval and p."""
     names = tuple("the end" if name == "end" else f"trial {name}" for name in found.checkpoint_names())
     rows = []
@@ -27,13 +27,13 @@ def true_speeds(found: PairFindings) -> Table:
         cells = []
         for mean_m_s, it, p in zip(method.runs.mean_true_m_s, method.against_plain, method.p_holm, strict=True):
             speed = f"{1000.0 * mean_m_s:.1f}"
-            cells.append(speed if name == "plain" else f"{speed} ({gain(it)}, p {p_text(p)})")
+            cells.append(speed if name == "plain" else f"{speed} ({gain_text(it)}, p {p_text(p)})")
         rows.append((name, *cells))
     caption = "True mean speed in mm/s of the recommended gait, and its gain over Plain-BO with the 95 % interval"
     return Table(caption, ("method", *names), tuple(rows))
 
 
-def verdicts(found: PairFindings) -> Table:
+def tabulate_verdicts(found: PairFindings) -> Table:
     """Return what is said of each method at the end, beside its true speed."""
     rows = []
     for name, method in found.methods.items():
@@ -44,7 +44,7 @@ def verdicts(found: PairFindings) -> Table:
         )
         against = ("", "", "", "")
         if name != "plain":
-            against = (f"{end.effect:+.2f}", chance_text(end), gain(best), chance_text(best))
+            against = (f"{end.effect:+.2f}", chance_text(end), gain_text(best), chance_text(best))
         rows.append((name, *against, trials_text(method.trials_to_plain_level), *coverage))
     columns = (
         "method",
@@ -59,7 +59,7 @@ def verdicts(found: PairFindings) -> Table:
     return Table("At the end of the budget", columns, tuple(rows))
 
 
-def beside_thesis(found: Sequence[PairFindings]) -> tuple[Table, ...]:
+def compare_with_thesis(found: Sequence[PairFindings]) -> tuple[Table, ...]:
     """Return the thesis' own figures for Efficient-BO beside ours: one table, or none where it was not run."""
     rows = []
     for it in found:
@@ -69,10 +69,10 @@ def beside_thesis(found: Sequence[PairFindings]) -> tuple[Table, ...]:
         rows.append((
             f"{it.pair.key}: {it.pair.title}",
             f"{theirs.gain_percent:+.1f} %, p {theirs.p}",
-            f"{gain(ours.best_against_plain)}, p {p_text(ours.best_against_plain.p)}",
+            f"{gain_text(ours.best_against_plain)}, p {p_text(ours.best_against_plain.p)}",
             f"{theirs.trials} instead of {theirs.plain_trials}",
             f"{trials_text(ours.trials_to_plain_level)} instead of {trials_text(it.plain.trials_to_plain_level)}",
-            f"{gain(ours.against_plain[-1])}, p {p_text(ours.against_plain[-1].p)}",
+            f"{gain_text(ours.against_plain[-1])}, p {p_text(ours.against_plain[-1].p)}",
         ))  # fmt: skip
     columns = (
         "experiment",
@@ -86,13 +86,13 @@ def beside_thesis(found: Sequence[PairFindings]) -> tuple[Table, ...]:
     return (Table(caption, columns, tuple(rows)),) if rows else ()
 
 
-def markdown(table: Table) -> str:
+def to_markdown(table: Table) -> str:
     """Return a table in Markdown."""
     lines = [f"*{table.caption}.*", "", "| " + " | ".join(table.columns) + " |", "|---" * len(table.columns) + "|"]
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in table.rows)])
 
 
-def gain(it: Comparison) -> str:
+def gain_text(it: Comparison) -> str:
     """Return a gain with its interval: ``+12 % [-3, +27]``."""
     return f"{it.gain_percent:+.0f} % [{it.interval_percent.low:+.0f}, {it.interval_percent.high:+.0f}]"
 

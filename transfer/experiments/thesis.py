@@ -85,7 +85,7 @@ GROUPS = {
 """What may be asked for, each with its pairs."""
 
 
-def pairs(robot: str) -> tuple[Pair, ...]:
+def list_pairs(robot: str) -> tuple[Pair, ...]:
     """Return every experiment on a twin, ``planar`` or ``spatial``."""
     body, other_body = BODIES[robot]
     moon = Condition("low-gravity", "a fifth of gravity, friction 0.5", body, World(1.96, 0.5))
@@ -113,13 +113,13 @@ def pairs(robot: str) -> tuple[Pair, ...]:
     )  # fmt: skip
 
 
-def pairs_named(robot: str, asked: str) -> tuple[Pair, ...]:
+def find_pairs(robot: str, asked: str) -> tuple[Pair, ...]:
     """Return the experiments of a group, or the one, called ``asked``.
 
     Raises:
         ValueError: there is none of this name.
     """
-    known = {pair.key: pair for pair in pairs(robot)}
+    known = {pair.key: pair for pair in list_pairs(robot)}
     keys = GROUPS.get(asked) or ((asked,) if asked in known else ())
     if not keys:
         raise ValueError(unknown("experiment", asked, dict.fromkeys((*GROUPS, *known))))

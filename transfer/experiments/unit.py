@@ -149,13 +149,13 @@ def work(settings: Settings, unit: Unit, source: Source | None) -> Result:
         RuntimeError: the program failed during a trial, or the twin broke down in all starts of a gait.
     """
     try:
-        steps = _learned(settings, unit, source)
-        return Result(steps, _truths(settings, unit, steps))
+        steps = _learn(settings, unit, source)
+        return Result(steps, _measure_truths(settings, unit, steps))
     except TrialCrashed as crash:  # which cannot travel between processes
         raise RuntimeError(f"{unit.name}: {crash}") from crash.__cause__
 
 
-def opened(settings: Settings, condition: Condition, seed: int) -> tuple[GuardedRobot, GaitSpace]:
+def open_condition(settings: Settings, condition: Condition, seed: int) -> tuple[GuardedRobot, GaitSpace]:
     """Return the robot in its condition, and the gaits to search."""
     robot = TWINS[settings.robot].make(condition.body, condition.world, condition.damage, seed=seed)
     low_hz, high_hz = robot.range_hz
@@ -163,9 +163,9 @@ def opened(settings: Settings, condition: Condition, seed: int) -> tuple[Guarded
     return GuardedRobot(robot, Limits(robot.max_hz)), space
 
 
-def _learned(settings: Settings, unit: Unit, source: Source | None) -> tuple[Step, ...]:
+def _learn(settings: Settings, unit: Unit, source: Source | None) -> tuple[Step, ...]:
     seed = _seed(settings, unit.repeat, unit.role)
-    robot, space = opened(settings, unit.condition, seed)
+    robot, space = open_condition(settings, unit.condition, seed)
     optimizer = make_optimizer(unit.method, space, seed, [source] if source else [])
     trial_settings = TrialSettings(settings.duration_s)
     trials: list[LoggedTrial] = []
@@ -182,11 +182,11 @@ def _step(logged: LoggedTrial) -> Step:
     return Step(gait_hz, logged.score, best.frequency_hz, belief.mean, belief.low, belief.high)
 
 
-def _truths(settings: Settings, unit: Unit, steps: Sequence[Step]) -> tuple[Truth, ...]:
+def _measure_truths(settings: Settings, unit: Unit, steps: Sequence[Step]) -> tuple[Truth, ...]:
     """Return the true speeds at the checkpoints."""
     recommended = {after: steps[after - 1].recommended_hz for after in unit.checkpoints}
     truths = tuple(
-        Truth(after, _true_speeds_m_s(settings, unit.condition, unit.repeat, gait_hz))
+        Truth(after, _measure_speeds_m_s(settings, unit.condition, unit.repeat, gait_hz))
         for after, gait_hz in recommended.items()
     )
     for truth in truths:
@@ -196,11 +196,11 @@ def _truths(settings: Settings, unit: Unit, steps: Sequence[Step]) -> tuple[Trut
 
 
 @lru_cache(maxsize=1000)  # checkpoints, and runs of a repeat, often recommend the same gait
-def _true_speeds_m_s(
+def _measure_speeds_m_s(
     settings: Settings, condition: Condition, repeat: int, gait_hz: tuple[float, ...]
 ) -> tuple[float, ...]:
     """Return the speeds of a gait. All gaits of a repeat are given the same starts."""
-    robot, _ = opened(settings, condition, _seed(settings, repeat, "true speed"))
+    robot, _ = open_condition(settings, condition, _seed(settings, repeat, "true speed"))
     trial_settings = TrialSettings(settings.duration_s, period_s=LOOK_S)
     with closing(robot):
         starts = [run_trial(robot, Gait(gait_hz), trial_settings, start + 1) for start in range(settings.starts)]

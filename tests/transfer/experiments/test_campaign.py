@@ -11,13 +11,13 @@ import pytest
 
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.processes import processes
-from vvvaltr.transfer.experiments.campaign import checkpoints, run_campaign, transfer_methods, units_of
+from vvvaltr.transfer.experiments.campaign import list_checkpoints, list_transfer_methods, plan_units, run_campaign
 from vvvaltr.transfer.experiments.cluster import cluster
-from vvvaltr.transfer.experiments.findings import as_json, findings, holds
-from vvvaltr.transfer.experiments.report import markdown, write_report
+from vvvaltr.transfer.experiments.findings import as_json, gather_findings, holds
+from vvvaltr.transfer.experiments.report import to_markdown, write_report
 from vvvaltr.transfer.experiments.store import Store
-from vvvaltr.transfer.experiments.thesis import BODIES, GROUPS, pairs, pairs_named
-from vvvaltr.transfer.experiments.unit import Result, Settings, Step, Truth, opened, work
+from vvvaltr.transfer.experiments.thesis import BODIES, GROUPS, find_pairs, list_pairs
+from vvvaltr.transfer.experiments.unit import Result, Settings, Step, Truth, open_condition, work
 
 QUICK = Settings(duration_s=0.5, starts=2, most_trials=6)
 METHODS = ("efficient", "optimistic")
@@ -36,7 +36,7 @@ def silent(units: Iterable[Any], total: int) -> Iterable[Any]:
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory: pytest.TempPathFactory, here: Executor) -> Store:
     store = Store.begin(tmp_path_factory.mktemp("campaigns") / "both", QUICK)
-    run_campaign(store, pairs_named("planar", "1"), 2, METHODS, here, silent)
+    run_campaign(store, find_pairs("planar", "1"), 2, METHODS, here, silent)
     return store
 
 
@@ -47,7 +47,7 @@ def files(store: Store) -> dict[str, bytes]:
 
 def test_there_are_the_thesis_experiments_and_its_figures_on_both_twins() -> None:
     for robot in BODIES:
-        known = {pair.key: pair for pair in pairs(robot)}
+        known = {pair.key: pair for pair in list_pairs(robot)}
         assert set(GROUPS["all"]) == set(known)
         assert [known[key].trials for key in ("1", "1b", "2", "3")] == [40, 40, 50, 40]
         assert [pair.key for pair in known.values() if pair.published] == ["1", "2", "3"]
@@ -57,21 +57,21 @@ def test_there_are_the_thesis_experiments_and_its_figures_on_both_twins() -> Non
 
 @pytest.mark.parametrize("robot", BODIES)
 def test_every_condition_can_be_set_up(robot: str) -> None:
-    for pair in pairs(robot):
+    for pair in list_pairs(robot):
         for condition in (pair.source, pair.target):
-            bodies = opened(Settings(robot), condition, seed=1)
+            bodies = open_condition(Settings(robot), condition, seed=1)
             assert bodies[0].motors.motor_count == 3
 
 
 def test_an_unknown_experiment_is_named_with_those_that_are_known() -> None:
     with pytest.raises(ValueError, match=r"'7'.*1b"):
-        pairs_named("planar", "7")
+        find_pairs("planar", "7")
 
 
 def test_checkpoints_end_with_the_end() -> None:
-    assert checkpoints(40) == (5, 10, 20, 40)
-    assert checkpoints(10) == (5, 10)
-    assert checkpoints(4) == (4,)
+    assert list_checkpoints(40) == (5, 10, 20, 40)
+    assert list_checkpoints(10) == (5, 10)
+    assert list_checkpoints(4) == (4,)
 
 
 def test_experiments_with_one_target_share_its_runs_without_a_source(campaign: Store) -> None:
@@ -85,7 +85,7 @@ def test_experiments_with_one_target_share_its_runs_without_a_source(campaign: S
 
 def test_an_experiment_reads_the_longer_runs_of_another_up_to_its_own_end() -> None:
     of = {
-        key: units_of(pairs_named("planar", key)[0], Settings(), 1, METHODS) for key in ("1b", "2", "2-friction", "3")
+        key: plan_units(find_pairs("planar", key)[0], Settings(), 1, METHODS) for key in ("1b", "2", "2-friction", "3")
     }
 
     assert of["1b"].plain == of["2-friction"].plain
@@ -105,7 +105,7 @@ def test_a_source_run_differs_from_the_runs_on_the_target_and_repeats_from_each_
 
 
 def test_a_true_speed_is_of_as_many_starts_as_asked_for_and_no_two_are_alike(campaign: Store) -> None:
-    units = units_of(pairs_named("planar", "1b")[0], QUICK, 1, METHODS)
+    units = plan_units(find_pairs("planar", "1b")[0], QUICK, 1, METHODS)
     gait = campaign.load(units.plain[0]).steps[-1].recommended_hz
     truth = campaign.load(units.plain[0]).truths[-1]
 
@@ -130,10 +130,10 @@ def test_an_interrupted_campaign_goes_on_and_ends_as_an_uninterrupted_one(
             yield unit
 
     with pytest.raises(KeyboardInterrupt):
-        run_campaign(store, pairs_named("planar", "1"), 2, METHODS, here, interrupted)
+        run_campaign(store, find_pairs("planar", "1"), 2, METHODS, here, interrupted)
     some = files(store)
     stamps = {path: path.stat().st_mtime_ns for path in store.folder.rglob("*.jsonl")}
-    run_campaign(Store.begin(tmp_path / "again", QUICK), pairs_named("planar", "1"), 2, METHODS, here, silent)
+    run_campaign(Store.begin(tmp_path / "again", QUICK), find_pairs("planar", "1"), 2, METHODS, here, silent)
 
     assert 0 < len(some) < len(whole)
     assert files(store) == whole
@@ -141,7 +141,7 @@ def test_an_interrupted_campaign_goes_on_and_ends_as_an_uninterrupted_one(
 
 
 def test_a_process_finds_what_is_found_here(campaign: Store) -> None:
-    unit = units_of(pairs_named("planar", "1b")[0], QUICK, 2, METHODS).plain[0]
+    unit = plan_units(find_pairs("planar", "1b")[0], QUICK, 2, METHODS).plain[0]
     with processes(1) as executor:
         assert executor.submit(work, QUICK, unit, None).result() == campaign.load(unit)
 
@@ -149,7 +149,7 @@ def test_a_process_finds_what_is_found_here(campaign: Store) -> None:
 def test_a_dask_cluster_finds_what_is_found_here(campaign: Store) -> None:
     from distributed import LocalCluster
 
-    unit = units_of(pairs_named("planar", "1b")[0], QUICK, 2, METHODS).plain[0]
+    unit = plan_units(find_pairs("planar", "1b")[0], QUICK, 2, METHODS).plain[0]
     with (
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as local,
         cluster(local.scheduler_address) as executor,
@@ -174,7 +174,7 @@ def test_another_campaign_in_the_same_place_is_refused(campaign: Store, tmp_path
 
 def test_a_damaged_result_is_named(campaign: Store, tmp_path: Path) -> None:
     store = Store.begin(tmp_path / "torn", QUICK)
-    unit = units_of(pairs_named("planar", "1b")[0], QUICK, 1, METHODS).source
+    unit = plan_units(find_pairs("planar", "1b")[0], QUICK, 1, METHODS).source
     store.save(unit, campaign.load(unit))
     path = next(store.folder.rglob("*.jsonl"))
     path.write_bytes(path.read_bytes()[:-20])
@@ -184,7 +184,7 @@ def test_a_damaged_result_is_named(campaign: Store, tmp_path: Path) -> None:
 
 
 def test_an_inverted_source_calls_the_slowest_gait_the_fastest(campaign: Store) -> None:
-    result = campaign.load(units_of(pairs_named("planar", "1b")[0], QUICK, 1, METHODS).source)
+    result = campaign.load(plan_units(find_pairs("planar", "1b")[0], QUICK, 1, METHODS).source)
     upright, inverted = result.source("a", inverted=False), result.source("a", inverted=True)
 
     assert upright.scores.index(max(upright.scores)) == inverted.scores.index(min(inverted.scores))
@@ -192,7 +192,7 @@ def test_an_inverted_source_calls_the_slowest_gait_the_fastest(campaign: Store) 
 
 
 def test_findings_compare_every_method_with_plain(campaign: Store) -> None:
-    found = as_json(findings(campaign))
+    found = as_json(gather_findings(campaign))
 
     assert list(found) == ["1", "1b"]
     assert found["1b"]["repeats"] == 2
@@ -222,7 +222,7 @@ def test_honest_intervals_hold_a_speed_measured_with_an_error_as_often_as_they_s
 def test_a_campaign_that_has_just_begun_has_found_nothing(tmp_path: Path) -> None:
     store = Store.begin(tmp_path / "new", QUICK)
 
-    assert findings(store) == ()
+    assert gather_findings(store) == ()
     with pytest.raises(ValueError, match="no repeat"):
         write_report(store)
 
@@ -241,7 +241,7 @@ def test_the_report_is_one_file_that_needs_nothing_else(campaign: Store) -> None
 
 
 def test_the_tables_can_be_had_in_markdown(campaign: Store) -> None:
-    text = markdown(findings(campaign))
+    text = to_markdown(gather_findings(campaign))
 
     assert "### Experiment 1b" in text
     assert "| efficient |" in text
@@ -249,13 +249,13 @@ def test_the_tables_can_be_had_in_markdown(campaign: Store) -> None:
 
 
 def test_what_no_method_was_run_for_has_no_table(campaign: Store) -> None:
-    found = findings(campaign)
+    found = gather_findings(campaign)
     control = replace(found[0], methods={"plain": found[0].plain})
 
-    assert "thesis" in markdown(found).split("###")[0]
-    assert markdown([control]).startswith("### Experiment 1:")
+    assert "thesis" in to_markdown(found).split("###")[0]
+    assert to_markdown([control]).startswith("### Experiment 1:")
 
 
 def test_every_registered_method_is_compared() -> None:
-    assert {"efficient", "optimistic", "random"} <= set(transfer_methods())
-    assert "plain" not in transfer_methods()
+    assert {"efficient", "optimistic", "random"} <= set(list_transfer_methods())
+    assert "plain" not in list_transfer_methods()

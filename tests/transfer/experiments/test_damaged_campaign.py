@@ -6,13 +6,13 @@ import pytest
 
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.transfer.experiments.campaign import units_of
+from vvvaltr.transfer.experiments.campaign import plan_units
 from vvvaltr.transfer.experiments.store import Store
-from vvvaltr.transfer.experiments.thesis import pairs_named
+from vvvaltr.transfer.experiments.thesis import find_pairs
 from vvvaltr.transfer.experiments.unit import Result, Settings, Step, Truth
 
 SETTINGS = Settings(duration_s=0.5, starts=2, most_trials=5)
-UNIT = units_of(pairs_named("planar", "1b")[0], SETTINGS, 1, ()).plain[0]
+UNIT = plan_units(find_pairs("planar", "1b")[0], SETTINGS, 1, ()).plain[0]
 STEP = Step((9.0, 9.0, 9.0), 0.1, (9.0, 9.0, 9.0), 0.1, 0.05, 0.15)
 WHOLE = Result((STEP,) * 5, (Truth(5, (0.1, 0.2)),))
 
