@@ -1,4 +1,4 @@
-"""A campaign: every method on every experiment, repeated; over processes or a cluster; interrupted and gone on with."""
+"""A campaign: every method on every experiment, repeated, in processes or on a cluster. It can be continued."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from vvvaltr.transfer.experiments.unit import Result, Settings, Unit, work
 from vvvaltr.transfer.methods.registry import METHODS
 
 REPLICATES = 3
-"""Runs of Plain-BO per repeat: one shared lucky run would bias every comparison of the repeat."""
+"""Number of runs of Plain-BO per repeat: a single lucky one would bias every comparison of its repeat."""
 
 CHECKPOINTS = (5, 10, 20)
-"""Trials after which, beside the last, the true speed of the recommended gait is measured."""
+"""Trials after which the true speed of the recommended gait is measured, beside the last trial."""
 
 Progress = Callable[[Iterable["Future[Result]"], int], Iterable["Future[Result]"]]
-"""Wraps a stream of so many finished units, to show how far it is."""
+"""Wraps a stream of finished units, given their total number, to show the progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +29,9 @@ class PairUnits:
 
     Args:
         pair: the experiment.
-        source: the run to learn from.
-        plain: the runs of Plain-BO on the target.
-        methods: the runs of the other methods on the target.
+        source: run on the source, to learn from.
+        plain: runs of Plain-BO on the target.
+        methods: run of each other method on the target, by name.
     """
 
     pair: Pair
@@ -41,25 +41,25 @@ class PairUnits:
 
 
 def list_transfer_methods() -> tuple[str, ...]:
-    """Return the names of all methods that are compared with Plain-BO."""
+    """Return the names of all methods to compare with Plain-BO."""
     return tuple(name for name in METHODS if name != "plain")
 
 
 def list_checkpoints(trials: int) -> tuple[int, ...]:
-    """Return the checkpoints of a run of so many trials; the last is its end."""
+    """Return the checkpoints of a run of ``trials`` trials; the last one is its end."""
     return (*(after for after in CHECKPOINTS if after < trials), trials)
 
 
 def plan_checkpoints(pair: Pair, settings: Settings) -> tuple[int, ...]:
-    """Return the checkpoints of an experiment."""
+    """Return the checkpoints of an experiment in a campaign with these settings."""
     return list_checkpoints(min(pair.trials, settings.most_trials or pair.trials))
 
 
 def plan_units(pair: Pair, settings: Settings, repeat: int, methods: Sequence[str]) -> PairUnits:
-    """Return the units of repeat ``repeat``, counted from 1.
+    """Return the units of one repeat of an experiment; repeats are counted from 1.
 
-    Those that do not depend on the source are the same ones, by name, in every experiment with the same target; so are
-    those of the source. They are as long as the longest of these experiments; see ``Result.until``.
+    Experiments with the same target share the units that do not depend on the source, and experiments with the same
+    source share the source's run. A shared unit is as long as the longest experiment needs; see ``Result.until``.
     """
     every = list_pairs(settings.robot)
     afters = plan_checkpoints(pair, settings)
@@ -87,7 +87,15 @@ def plan_units(pair: Pair, settings: Settings, repeat: int, methods: Sequence[st
 def run_campaign(
     store: Store, chosen: Sequence[Pair], repeats: int, methods: Sequence[str], executor: Executor, progress: Progress
 ) -> None:
-    """Do all units that are not done yet, and keep each as it is finished.
+    """Do all units that are not done yet, and store each one as it is finished.
+
+    Args:
+        store: campaign on disk.
+        chosen: experiments to run.
+        repeats: number of repeats of each experiment.
+        methods: names of the methods to compare with Plain-BO.
+        executor: workers.
+        progress: shows the progress.
 
     Raises:
         UserError: a worker died.
@@ -112,7 +120,7 @@ def _work_through(store: Store, units: Sequence[Unit], executor: Executor, progr
         try:
             store.save(pending[finished], finished.result())
         except BrokenExecutor:
-            raise UserError("a worker died, perhaps for want of memory: go on with fewer --jobs") from None
+            raise UserError("a worker died, perhaps for lack of memory: continue with fewer --jobs") from None
 
 
 def _load_source(store: Store, unit: Unit) -> Source | None:

@@ -1,4 +1,4 @@
-"""Units of work on a Dask cluster, instead of processes of this computer."""
+"""Units of work on a Dask cluster instead of this computer's processes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vvvaltr.controller.core.errors import UserError
 
 @contextmanager
 def cluster(address: str) -> Iterator[Executor]:
-    """Yield the workers of the Dask cluster whose scheduler is at ``address``; they need vvvaltr installed.
+    """Yield the workers of the Dask cluster whose scheduler is at ``address``. They need vvvaltr installed.
 
     Raises:
         UserError: Dask is not installed, or no scheduler answers.
@@ -24,7 +24,7 @@ def cluster(address: str) -> Iterator[Executor]:
         client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise UserError(
-            f"--scheduler {address}: no Dask scheduler answers ({error}); start one by: dask scheduler"
+            f"--scheduler {address}: no Dask scheduler answers ({error}); start one with: dask scheduler"
         ) from None
     with client, client.get_executor(pure=False) as executor:  # type: ignore[no-untyped-call]
         yield executor

@@ -1,4 +1,4 @@
-"""Pictures of what a campaign found. Plain-BO is grey, what learns from a source blue, what does not red."""
+"""Figures of a campaign's findings. Plain-BO is grey, methods with a source are blue, methods without one red."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ GREY, BLUE, RED = "#6b6b6b", "#0b6fb8", "#c1440e"
 
 
 def colour(method: str) -> str:
-    """Return a method's colour."""
+    """Return the colour of a method."""
     if method == "plain":
         return GREY
     return BLUE if METHODS[method].uses_sources else RED
 
 
 def draw_overview(found: Sequence[PairFindings]) -> Figure:
-    """Draw the gain in true speed of every method on every experiment, after 10 and 20 trials and at the end."""
+    """Draw each method's gain in true speed on each experiment, after 10 and 20 trials and at the end."""
     columns = min(4, len(found))
     figure, panels = _make_panels(len(found), columns, height=2.9)
     for axes, pair in zip(panels, found, strict=False):
@@ -60,7 +60,7 @@ def _draw_gain(axes: Axes, method: MethodFindings, at: int, y: float, alpha: flo
 
 
 def draw_true_speed(found: PairFindings) -> Figure:
-    """Draw the true mean speed of the recommended gait against trial, each method beside Plain-BO."""
+    """Draw the true mean speed of the recommended gait against the trial, each method beside Plain-BO."""
 
     def draw(axes: Axes, runs: Runs, shade: str) -> None:
         _draw_band(axes, found.checkpoints, runs.true_m_s.mean(axis=1), shade, marker="o")
@@ -70,7 +70,7 @@ def draw_true_speed(found: PairFindings) -> Figure:
 
 
 def draw_best_so_far(found: PairFindings) -> Figure:
-    """Draw the best observed speed so far against trial, as the thesis does, each method beside Plain-BO."""
+    """Draw the best observed speed so far against the trial, as the thesis does, each method beside Plain-BO."""
     level_mm_s = 1000.0 * plain_level_m_s(found.plain.runs)
 
     def draw(axes: Axes, runs: Runs, shade: str) -> None:
@@ -86,7 +86,7 @@ def draw_best_so_far(found: PairFindings) -> Figure:
 
 
 def draw_learned(found: Surfaces, pair: PairFindings) -> Figure:
-    """Draw the learned surfaces of source and target side by side; a star marks the target's best gait on both."""
+    """Draw the learned surfaces of source and target side by side. A star marks the target's best gait on both."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.6, 8.4), layout="constrained")
@@ -126,7 +126,7 @@ def _others(found: PairFindings) -> list[tuple[str, MethodFindings]]:
 def _draw_beside_plain(
     found: PairFindings, draw: Callable[[Axes, Runs, str], None], label: str, highest_m_s: float
 ) -> Figure:
-    """Draw a panel for each method; the speeds' axis leaves room for bands above the highest mean."""
+    """Draw a panel for each method. The axis of speeds leaves room for bands above the highest mean."""
     others = _others(found)
     columns = min(4, len(others))
     figure, panels = _make_panels(len(others), columns, height=2.3, share=True)
@@ -157,7 +157,7 @@ def _make_panels(count: int, columns: int, height: float, share: bool = False) -
 
 
 def _draw_band(axes: Axes, trials: Sequence[int], speeds_m_s: Array, shade: str, marker: str = "") -> None:
-    """Draw the mean over repeats with its 95 % interval; speeds have the shape (repeats, trials)."""
+    """Draw the mean over repeats of speeds (repeats, trials), with its 95 % interval."""
     axes.plot(trials, 1000.0 * speeds_m_s.mean(axis=0), color=shade, linewidth=1.6, marker=marker, markersize=3.5)
     low, high = mean_interval(speeds_m_s)
     axes.fill_between(trials, 1000.0 * low, 1000.0 * high, color=shade, alpha=0.2, linewidth=0.0)

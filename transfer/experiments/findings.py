@@ -1,4 +1,4 @@
-"""From the results of a campaign to what it found: per experiment and method, against Plain-BO."""
+"""What a campaign found, from its results: per experiment and method, against Plain-BO."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from vvvaltr.transfer.experiments.thesis import Pair, list_pairs
 from vvvaltr.transfer.experiments.unit import Result, Step, Unit
 
 NO_DIFFERENCE = Comparison(0.0, Interval(0.0, 0.0), 1.0, 0.0, 1.0)
-"""Of Plain-BO from itself."""
+"""Comparison of Plain-BO with itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class Runs:
-    """One run or several (replicates) per repeat, all of a method.
+    """All runs of a method: one or several (replicates) per repeat.
 
     Args:
-        true_m_s: (repeats, replicates, checkpoints) true mean speed of the recommended gait.
-        best_m_s: (repeats, replicates, trials) best observed score so far, as the thesis plots it.
-        covered: (repeats, replicates) whether the interval at the end holds the true mean speed as it was measured.
+        true_m_s: true mean speed of the recommended gait, (repeats, replicates, checkpoints).
+        best_m_s: best observed score so far, as the thesis plots it, (repeats, replicates, trials).
+        covered: whether the final interval holds the true mean speed as measured, (repeats, replicates).
         covered_within_error: the same, allowing for the error of that measurement, see ``holds``.
     """
 
@@ -54,15 +54,20 @@ class Runs:
 
     @property
     def mean_true_m_s(self) -> Array:
-        """(checkpoints,)."""
+        """True mean speed of the recommended gait, averaged over all runs, (checkpoints,)."""
         return np.asarray(self.true_m_s.mean(axis=(0, 1)))
 
 
 def holds(step: Step, true_m_s: float, standard_error_m_s: float = 0.0) -> bool:
     """Return whether the interval of the recommended gait holds the true speed.
 
-    The distance between the two has two parts, of the interval and of a measurement with the standard error s; to
-    allow for the second, the half width h on that side becomes sqrt(h^2 + (1.96 s)^2).
+    The true speed itself is a measurement with a standard error s. To allow for it, the interval's half width h towards
+    the true speed becomes sqrt(h^2 + (1.96 s)^2).
+
+    Args:
+        step: recommendation with its 95 % interval.
+        true_m_s: true speed as measured.
+        standard_error_m_s: standard error s; 0 to take the measurement as exact.
     """
     bound_m_s = step.high_m_s if true_m_s > step.mean_m_s else step.low_m_s
     reach_m_s = math.hypot(bound_m_s - step.mean_m_s, 1.96 * standard_error_m_s)
@@ -71,14 +76,14 @@ def holds(step: Step, true_m_s: float, standard_error_m_s: float = 0.0) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class MethodFindings:
-    """A method on an experiment.
+    """The findings on one method in an experiment.
 
     Args:
-        runs: its runs.
-        against_plain: of the true speed, at each checkpoint.
-        p_holm: p of each of them, corrected for the number of methods.
-        best_against_plain: of the best observed score at the end: the thesis' measure.
-        trials_to_plain_level: see ``statistics.trials_to_level``; the level is ``plain_level_m_s``.
+        runs: runs of the method.
+        against_plain: comparison of the true speed with Plain-BO's, at each checkpoint.
+        p_holm: p of each of these comparisons, corrected for the number of methods.
+        best_against_plain: comparison of the best observed score at the end, the thesis' measure.
+        trials_to_plain_level: trials until ``plain_level_m_s`` is reached, see ``statistics.trials_to_level``.
     """
 
     runs: Runs
@@ -90,14 +95,15 @@ class MethodFindings:
 
 @dataclass(frozen=True, slots=True)
 class PairFindings:
-    """An experiment.
+    """The findings of an experiment.
 
     Args:
-        pair: which.
-        repeats: how many are complete.
-        checkpoints: in trials; the last is the end.
-        methods: by name; ``plain`` is the first.
-        source_runs, target_runs: the source's runs and Plain-BO's first ones on the target.
+        pair: the experiment.
+        repeats: number of complete repeats.
+        checkpoints: checkpoints in trials; the last one is the end.
+        methods: findings on each method by name; ``plain`` comes first.
+        source_runs: runs on the source, one per repeat.
+        target_runs: first run of Plain-BO on the target, one per repeat.
     """
 
     pair: Pair
@@ -109,7 +115,7 @@ class PairFindings:
 
     @property
     def plain(self) -> MethodFindings:
-        """Plain-BO."""
+        """The findings on Plain-BO."""
         return self.methods["plain"]
 
     def checkpoint_names(self) -> tuple[str, ...]:
@@ -118,13 +124,13 @@ class PairFindings:
 
 
 def gather_findings(store: Store, chosen: Sequence[Pair] = ()) -> tuple[PairFindings, ...]:
-    """Return what the campaign has found so far: every experiment of which a repeat is complete, in their order.
+    """Return the findings so far, in order, of every experiment with at least one complete repeat.
 
-    A repeat is complete when Plain-BO's runs and those of every method that has been begun are done.
+    A repeat is complete when the runs of Plain-BO and of every method that has been started are done.
 
     Args:
-        store: the campaign.
-        chosen: the experiments to look at; all that have been begun if none are given.
+        store: campaign on disk.
+        chosen: experiments to look at; all that have been started if none are given.
     """
     every = list_pairs(store.settings.robot)
     looked_at = chosen or [pair for pair in every if _is_begun(store, pair)] or every
@@ -133,7 +139,7 @@ def gather_findings(store: Store, chosen: Sequence[Pair] = ()) -> tuple[PairFind
 
 
 def _is_begun(store: Store, pair: Pair) -> bool:
-    """Return whether something has learned from the pair's source: all else can belong to another pair as well."""
+    """Return whether a run has learned from the pair's source: all other runs may belong to another pair as well."""
     return any(
         unit.source and store.has(unit)
         for unit in plan_units(pair, store.settings, 1, list_transfer_methods()).methods.values()
@@ -199,12 +205,12 @@ def _compare_methods(runs: Mapping[str, Runs], random: np.random.Generator) -> d
 
 
 def plain_level_m_s(plain: Runs) -> float:
-    """Return what Plain-BO ends at: the best observed score of its median run."""
+    """Return the level that Plain-BO ends at: the final best observed score of its median run."""
     return float(np.median(plain.best_m_s[:, :, -1]))
 
 
 def as_json(found: Sequence[PairFindings]) -> dict[str, Any]:
-    """Return the findings as plain data, keyed by experiment; what never happened is None."""
+    """Return the findings as plain data, keyed by experiment. A level that is never reached is None."""
     return {
         it.pair.key: {
             "methods": {name: _method_json(it, method) for name, method in it.methods.items()},

@@ -1,4 +1,4 @@
-"""One HTML file that needs nothing else, and the figures in it as files of their own."""
+"""The report of a campaign: one self-contained HTML file, and its figures as files of their own."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vvvaltr.transfer.methods.registry import METHODS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_FEWEST_REPEATS = 6  # with fewer, one lucky run decides
+_FEWEST_REPEATS = 6  # with fewer, a single lucky run decides
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 1150px; margin: 2rem auto; padding: 0 1rem; }
@@ -33,31 +33,31 @@ tbody th { white-space: nowrap; } td { font-variant-numeric: tabular-nums; }
 """.strip()
 
 _READING = """
-<p>A robot with vibration motors looks for a fast gait by trying: one gait at a time, each trial noisy. <b>Plain-BO</b>
-(Bayesian optimisation) begins with nothing. The <b>transfer</b> methods begin with the trials of an earlier run in
-another condition, the <i>source</i>. Does that find a good gait on the <i>target</i> sooner, and does it hurt where the
-two have little in common?</p>
+<p>A robot with vibration motors searches for a fast gait by trial: one gait at a time, each trial noisy.
+<b>Plain-BO</b> (Bayesian optimisation) begins with nothing. The <b>transfer</b> methods begin with the trials of an
+earlier run in another condition, the <i>source</i>. Do they find a good gait on the <i>target</i> sooner, and do they
+do harm where the two have little in common?</p>
 <ul>
-<li><b>True speed</b>: after so many trials a method recommends a gait. That gait is then started afresh %(starts)d
-times on the twin; the mean is its true speed. The method never sees these starts.</li>
-<li><b>Best observed</b>: the greatest speed seen so far in any one trial, which is what the thesis plots. With noisy
-trials it is the luckiest trial, and it overstates what the gait can do.</li>
-<li><b>Gain</b>: by how much the mean over the repeats exceeds Plain-BO's, with the 95 %% interval (bootstrap over
+<li><b>True speed</b>: at each checkpoint a method recommends a gait. That gait is then run from %(starts)d fresh
+starts on the twin; the mean is its true speed. The method never sees these runs.</li>
+<li><b>Best observed</b>: the greatest speed seen so far in any single trial, which is what the thesis plots. With noisy
+trials it belongs to the luckiest trial and overstates the gait's speed.</li>
+<li><b>Gain</b>: the excess of the mean over the repeats over Plain-BO's, with the 95 %% interval (bootstrap over
 repeats) in brackets. An interval on both sides of 0 means that no difference was shown.</li>
-<li><b>p</b>: of Wilcoxon's signed ranks, paired by seed and tested by permuting the runs of each repeat; in the first
+<li><b>p</b>: p of Wilcoxon's signed-rank test, paired by seed, with permutations of each repeat's runs; in the first
 table of each experiment after Holm's correction for the number of methods.</li>
-<li><b>Effect size</b>: rank-biserial correlation; +1 if the method was ahead in every repeat, -1 if behind in every
-one.</li>
-<li><b>Chance</b>: how often one run of Plain-BO per repeat, played against the other runs of Plain-BO, gains as much by
+<li><b>Effect size</b>: rank-biserial correlation; +1 if the method was ahead in every repeat, -1 if it was behind in
+every repeat.</li>
+<li><b>Chance</b>: how often one run of Plain-BO per repeat, compared with the other runs of Plain-BO, gains as much by
 luck alone.</li>
-<li>Grey is Plain-BO, blue learns from the source, red does not: <i>optimistic</i> and <i>random</i> are controls. A
-gain that <i>optimistic</i> has as well is not transfer.</li>
+<li>Plain-BO is grey, methods that learn from the source are blue, the controls <i>optimistic</i> and <i>random</i> are
+red. A gain that <i>optimistic</i> shows as well is not due to transfer.</li>
 </ul>
 """
 
 
 def write_report(store: Store) -> Path:
-    """Write `report.html` and `figures/` into the campaign's folder, over what an earlier report left; return the file.
+    """Write `report.html` and `figures/` into the campaign's folder and return the file; an older report is replaced.
 
     Raises:
         ValueError: no repeat of any experiment is complete.
@@ -74,15 +74,17 @@ def write_report(store: Store) -> Path:
 
 
 def require_findings(store: Store) -> tuple[PairFindings, ...]:
-    """Return what the campaign has found. Raises ValueError where no repeat of any experiment is complete."""
+    """Return the campaign's findings. Raises ValueError where no repeat of any experiment is complete."""
     found = gather_findings(store)
     if not found:
-        raise ValueError(f"{store.folder}: no repeat of an experiment is complete yet; go on with vvvaltr experiment")
+        raise ValueError(
+            f"{store.folder}: no repeat of an experiment is complete yet; continue it with vvvaltr experiment"
+        )
     return found
 
 
 def to_markdown(found: Sequence[PairFindings]) -> str:
-    """Return all tables in Markdown, for a document."""
+    """Return all tables in Markdown, for documentation."""
     parts = [*map(tables.to_markdown, tables.compare_with_thesis(found))]
     for it in found:
         parts.append(f"### {_title(it)}\n\n{_repeats(it)} of {it.checkpoints[-1]} trials. {it.pair.why}")
@@ -97,8 +99,9 @@ def _head(settings: Settings, found: Sequence[PairFindings], folder: Path) -> li
         "<h1>Does what was learned before help?</h1>",
         f"<p>{settings.robot} twin, {motors}, trials of {settings.duration_s:g} s, seed {settings.seed}.</p>",
         _READING % {"starts": settings.starts},
-        _figure(figures.draw_overview(found), folder / "overview.png", "All experiments at a glance. Right of the grey line "
-                "is faster than Plain-BO; the dotted line is 5 % slower."),
+        _figure(figures.draw_overview(found), folder / "overview.png",
+                "All experiments at a glance. To the right of the grey line "
+                "a method is faster than Plain-BO; the dotted line is 5 % slower."),
         *map(_table, tables.compare_with_thesis(found)),
         "<h3>The methods</h3><ul>",
         *(f"<li><b>{escape(name)}</b>: {escape(METHODS[name].description)}</li>" for name in methods),
@@ -117,16 +120,16 @@ def _section(store: Store, it: PairFindings, folder: Path) -> str:
         f"{_repeats(it)} of {it.checkpoints[-1]} trials.</p>",
         f"<p class='key'>{escape(_in_words(it))}</p>",
         _figure(figures.draw_true_speed(it), folder / f"{pair.key}-true-speed.png",
-                "True mean speed of the recommended gait against trial, with the 95 % band of the mean over repeats. "
+                "True mean speed of the recommended gait against the trial, with the 95 % band of the mean. "
                 "Grey: Plain-BO."),
         _table(tables.tabulate_true_speeds(it)),
         _figure(figures.draw_best_so_far(it), folder / f"{pair.key}-best-so-far.png",
-                "Best observed speed so far, as the thesis plots it. Dotted: where Plain-BO's median run ends; the "
-                "triangle is where the method's median run gets there."),
+                "Best observed speed so far, as the thesis plots it. Dotted: final level of Plain-BO's median run; the "
+                "triangle is where the method's median run reaches it."),
         _table(tables.tabulate_verdicts(it)),
         _figure(figures.draw_learned(learned, it), folder / f"{pair.key}-learned.png",
-                "What the runs have learned, source and target side by side: expected speed over two motors, the "
-                "third as given. The star marks the gait expected to be the target's fastest, on both."),
+                "What the runs have learned, source and target side by side: expected speed over two motors, with the "
+                "third as given. On both, the star marks the gait that is expected to be fastest on the target."),
     ])  # fmt: skip
 
 
@@ -140,12 +143,12 @@ def _title(it: PairFindings) -> str:
 
 
 def _in_words(it: PairFindings) -> str:
-    """Return what the experiment shows of the method that is the default, or the published one."""
+    """Return in words what the experiment shows about the default method, or else about the published one."""
     name = next((name for name in ("guarded", "efficient") if name in it.methods), None)
     if name is None:
         return f"Plain-BO ends at a true speed of {1000.0 * it.plain.runs.mean_true_m_s[-1]:.1f} mm/s."
     if it.repeats < _FEWEST_REPEATS:
-        return f"{_repeats(it)}: too few to tell chance from anything else; make it {_FEWEST_REPEATS} or more."
+        return f"{_repeats(it)}: too few to distinguish the methods from chance; run {_FEWEST_REPEATS} or more."
     sentences = []
     for checkpoint, comparison in zip(it.checkpoints[-3:], it.methods[name].against_plain[-3:], strict=True):
         interval = comparison.interval_percent

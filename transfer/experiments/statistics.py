@@ -1,4 +1,4 @@
-"""What repeats with paired seeds tell: pure functions on arrays of one value per repeat."""
+"""Statistics of repeats with paired seeds: pure functions on arrays of one value per repeat."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 
 RESAMPLES, PERMUTATIONS = 10_000, 4_000
+"""Numbers of random draws: of bootstrap and of chance, and of permutation tests."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,14 +23,14 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A method against Plain-BO.
+    """A method compared with Plain-BO.
 
     Args:
-        gain_percent: by how much the method's mean exceeds Plain-BO's.
-        interval_percent: of the gain, by bootstrap over repeats.
-        p: see ``signed_rank_p``; not corrected for the number of methods.
-        effect: the matched-pairs rank-biserial correlation, see ``rank_biserial``, mean over Plain-BO's replicates.
-        chance: that Plain-BO against itself shows as much, see ``chance_of_as_much``; 1 for no gain either way.
+        gain_percent: excess of the method's mean over Plain-BO's.
+        interval_percent: 95 % interval of the gain, by bootstrap over repeats.
+        p: two-sided p, see ``signed_rank_p``; not corrected for the number of methods.
+        effect: matched-pairs rank-biserial correlation, averaged over Plain-BO's replicates, see ``rank_biserial``.
+        chance: probability that Plain-BO against itself gains as much, see ``chance_of_as_much``; 1 for a gain of 0.
     """
 
     gain_percent: float
@@ -40,7 +41,13 @@ class Comparison:
 
 
 def compare(method: Array, plain: Array, random: np.random.Generator) -> Comparison:
-    """Compare a method's values (repeats,) with those of Plain-BO's replicates (repeats, replicates) of the repeats."""
+    """Compare a method with Plain-BO.
+
+    Args:
+        method: values of the method, (repeats,).
+        plain: values of Plain-BO, (repeats, replicates).
+        random: random stream of the resampling.
+    """
     baseline = plain.mean(axis=1)
     gain = gain_percent(method, baseline)
     return Comparison(
@@ -53,12 +60,12 @@ def compare(method: Array, plain: Array, random: np.random.Generator) -> Compari
 
 
 def gain_percent(method: Array, baseline: Array) -> float:
-    """Return by how many percent the mean of the one exceeds the mean of the other."""
+    """Return by how many percent the method's mean (repeats,) exceeds the baseline's (repeats,)."""
     return 100.0 * float(method.mean() / baseline.mean() - 1.0)
 
 
 def gain_interval(method: Array, baseline: Array, random: np.random.Generator) -> Interval:
-    """Return the interval of the gain in percent: percentiles over resampled repeats, pairs kept together."""
+    """Return the 95 % interval of the gain: percentiles over resampled repeats, with pairs kept together."""
     picks = random.integers(len(method), size=(RESAMPLES, len(method)))
     gains = 100.0 * (method[picks].mean(axis=1) / baseline[picks].mean(axis=1) - 1.0)
     low, high = np.percentile(gains, [2.5, 97.5])
@@ -66,16 +73,17 @@ def gain_interval(method: Array, baseline: Array, random: np.random.Generator) -
 
 
 def signed_rank_p(method: Array, plain: Array, random: np.random.Generator) -> float:
-    """Return the two-sided p of Wilcoxon's signed ranks of the method (repeats,) against all replicates.
+    """Return the two-sided p of Wilcoxon's signed ranks of the method against all replicates of Plain-BO.
 
-    If the method were Plain-BO, any of a repeat's runs might as well play it: so often would the ranks, summed over the
-    replicates, be as one-sided (Fisher's permutation test). The usual table of Wilcoxon's test does not hold here, as
-    one run less the mean of several is skewed where runs are, even if there is no difference.
+    If the method were no better than Plain-BO, it could change places with any other run of its repeat. p is the share
+    of such permutations in which the ranks, summed over the replicates, are at least as one-sided (Fisher's permutation
+    test). The usual table of Wilcoxon's test does not apply: one run minus the mean of several is skewed where runs are
+    skewed, even without any difference.
 
     Args:
-        method: one value per repeat.
-        plain: (repeats, replicates).
-        random: draws the permutations.
+        method: values of the method, (repeats,).
+        plain: values of Plain-BO, (repeats, replicates).
+        random: random stream of the permutations.
     """
     runs = np.column_stack([method, plain])
     repeats, size = runs.shape
@@ -91,8 +99,8 @@ def signed_rank_p(method: Array, plain: Array, random: np.random.Generator) -> f
 def rank_biserial(differences: Array) -> Array:
     """Return the share of ranks in favour minus the share against, from -1 to 1, over the last axis.
 
-    The effect size that belongs to Wilcoxon's test: D. S. Kerby, "The simple difference formula", Comprehensive
-    Psychology 3 (2014). Where there is no difference its rank is no one's (Pratt 1959).
+    This is the effect size of Wilcoxon's test: D. S. Kerby, "The simple difference formula", Comprehensive Psychology 3
+    (2014). The rank of a difference of 0 counts for neither side (Pratt 1959).
     """
     from scipy.stats import rankdata
 
@@ -101,7 +109,7 @@ def rank_biserial(differences: Array) -> Array:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Return the p-values corrected for their number: S. Holm, Scandinavian Journal of Statistics 6 (1979)."""
+    """Return the p-values corrected for their number, after S. Holm, Scandinavian Journal of Statistics 6 (1979)."""
     corrected = [0.0] * len(p_values)
     worst = 0.0
     for rank, index in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
@@ -111,15 +119,15 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def chance_of_as_much(gain: float, plain: Array, random: np.random.Generator) -> float:
-    """Return how often Plain-BO against itself shows a gain at least as great as ``gain``, in the same direction.
+    """Return how often Plain-BO against itself gains at least as much as ``gain``, in the same direction.
 
-    In each repeat one of the replicates, drawn at random, plays the method, and the mean of the others is the baseline.
-    That scatters a little more than a method against all replicates, so the chance is somewhat overestimated.
+    In each repeat, one replicate drawn at random plays the method, and the mean of the others is the baseline. This
+    scatters a little more than a method against all replicates, so the chance is slightly overestimated.
 
     Args:
-        gain: in percent.
-        plain: (repeats, replicates), at least two replicates.
-        random: draws the players.
+        gain: gain in percent.
+        plain: values of Plain-BO, (repeats, replicates), at least two replicates.
+        random: random stream that draws the replicates.
     """
     repeats, replicates = plain.shape
     players = random.integers(replicates, size=(RESAMPLES, repeats))
@@ -142,9 +150,9 @@ def mean_interval(values: Array) -> tuple[Array, Array]:
 def trials_to_level(best_so_far: Array, level: float) -> float:
     """Return the median over runs (runs, trials) of the first trial at which the best so far reaches ``level``.
 
-    Infinite where more than half of the runs never do.
+    It is infinite where more than half of the runs never do.
     """
     reached = best_so_far >= level
     first = np.where(reached.any(axis=1), reached.argmax(axis=1) + 1.0, np.inf)
-    # The lower of the two middle ones: infinity has no mean with a number.
+    # The lower of the two middle values: a number and infinity have no mean.
     return float(np.sort(first)[(len(first) - 1) // 2])

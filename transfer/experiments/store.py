@@ -1,7 +1,6 @@
-"""A campaign on disk: its settings in `campaign.toml`, and below `runs/` one file of JSON lines per unit of work.
+"""A campaign on disk: its settings in `campaign.toml`, and one file of JSON lines per unit of work below `runs/`.
 
-A file appears at once and complete, so whatever interrupts a campaign leaves whole units, and the rest can be made
-later.
+A file appears whole or not at all, so that a campaign which was interrupted is left with whole units and can continue.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ class Store:
 
     @classmethod
     def open(cls, folder: Path) -> Store:
-        """Open the campaign in ``folder``. Raises UserError where there is none, or it cannot be read."""
+        """Open the campaign in ``folder``. Raises UserError where there is none or it cannot be read."""
         path = folder / "campaign.toml"
         try:
             content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -44,10 +43,10 @@ class Store:
 
     @classmethod
     def begin(cls, folder: Path, settings: Settings) -> Store:
-        """Open the campaign in ``folder`` to go on with it, or begin it there.
+        """Open the campaign in ``folder`` to continue it, or begin one there.
 
         Raises:
-            UserError: there is another campaign, or something else.
+            UserError: the folder holds a campaign with other settings, or something else.
             OSError: the folder cannot be written.
         """
         if (folder / "campaign.toml").exists():
@@ -71,13 +70,13 @@ class Store:
         return self._path(unit).exists()
 
     def save(self, unit: Unit, result: Result) -> None:
-        """Keep what a unit found."""
+        """Store the result of a unit. Raises OSError where the file cannot be written."""
         path = self._path(unit)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, _ENCODER.encode_lines([*result.steps, *result.truths]))
 
     def load(self, unit: Unit) -> Result:
-        """Return what a unit that is done found. Raises UserError where its file is not as it was written."""
+        """Return the result of a unit that is done. Raises UserError where its file is damaged."""
         path = self._path(unit)
         try:
             lines = _DECODER.decode_lines(path.read_bytes())
@@ -93,7 +92,7 @@ class Store:
 
 
 def _check_whole(result: Result, unit: Unit) -> None:
-    """Raise ValueError if this is not all that ``unit`` finds, or more."""
+    """Raise ValueError if this is less than ``unit`` finds, or more."""
     if len(result.steps) != unit.trials:
         raise ValueError(f"it holds {len(result.steps)} trials instead of {unit.trials}")
     if tuple(truth.after for truth in result.truths) != unit.checkpoints or not all(

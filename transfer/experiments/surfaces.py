@@ -1,4 +1,4 @@
-"""What the runs of an experiment have learned, on source and target: the expected speed over two motors at a time."""
+"""The expected speed over two motors at a time, as the runs of an experiment learned it on source and target."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from vvvaltr.transfer.bayes.belief import Trials, learn_alone
 from vvvaltr.transfer.bayes.search import places
 from vvvaltr.transfer.experiments.unit import Result
 
-POINTS = 21  # along each axis; odd, so that a motor that may turn both ways can be off
-MOST_TRIALS = 250  # that one model is fitted to
+GRID_POINTS = 21  # along each axis; odd, so that one of them is off where motors may turn both ways
+MOST_TRIALS = 250  # trials that one model is fitted to; the time of a fit grows with their cube
 
 
 @dataclass(frozen=True, slots=True)
 class Slice:
-    """Expected speeds over two motors, the third held.
+    """Expected speeds over two motors, with the third at a fixed frequency.
 
     Args:
-        motors: the two, counted from 0.
-        held_hz: the third one's frequency.
-        source_m_s, target_m_s: ``[i, j]`` at frequency i of the second motor and j of the first.
+        motors: indices of the two motors.
+        held_hz: frequency of the third motor.
+        source_m_s: speeds on the source, ``[i, j]`` at frequency i of the second motor and j of the first.
+        target_m_s: speeds on the target, likewise.
     """
 
     motors: tuple[int, int]
@@ -37,12 +38,12 @@ class Slice:
 
 @dataclass(frozen=True, slots=True)
 class Surfaces:
-    """Slices through what was learned.
+    """Slices through the learned surfaces of source and target.
 
     Args:
-        frequency_hz: (POINTS,) of every axis.
-        best_hz: the gait that is expected to be the target's fastest.
-        slices: one for each pair of motors.
+        frequency_hz: frequencies of every axis, (GRID_POINTS,).
+        best_hz: frequencies of the gait that is expected to be the target's fastest.
+        slices: one slice for each pair of motors.
     """
 
     frequency_hz: tuple[float, ...]
@@ -51,18 +52,23 @@ class Surfaces:
 
 
 def fit_surfaces(space: GaitSpace, source: Sequence[Result], target: Sequence[Result]) -> Surfaces:
-    """Return slices of three motors' surfaces, each a model of the trials of several runs.
+    """Fit a model to the trials of several runs each on source and target, and return slices through both.
 
-    The motor that is not in the picture is off, as in section 8.1 of the thesis, where off is a gait that may be tried;
-    else it turns as in the target's best gait. Source and target are cut at the same place.
+    The motor that a slice leaves out is off, as in section 8.1 of the thesis, where motors may turn both ways;
+    otherwise it runs as in the target's best gait. Source and target are cut at the same place.
+
+    Args:
+        space: gaits of three motors.
+        source: runs on the source.
+        target: runs on the target.
     """
-    line = np.linspace(0.0, 1.0, POINTS)
+    line = np.linspace(0.0, 1.0, GRID_POINTS)
     grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
-    of_source, of_target = (_expected_m_s(space, runs, grid).reshape((POINTS,) * 3) for runs in (source, target))
+    of_source, of_target = (_expected_m_s(space, runs, grid).reshape((GRID_POINTS,) * 3) for runs in (source, target))
     best = np.unravel_index(int(of_target.argmax()), of_target.shape)
     first = space.parameters[0]
     frequency_hz = first.low + line * (first.high - first.low)
-    held = (POINTS // 2,) * 3 if first.low == -first.high else tuple(map(int, best))
+    held = (GRID_POINTS // 2,) * 3 if first.low == -first.high else tuple(map(int, best))
 
     def cut(motors: tuple[int, int]) -> Slice:
         (third,) = {0, 1, 2} - set(motors)
@@ -78,7 +84,7 @@ def fit_surfaces(space: GaitSpace, source: Sequence[Result], target: Sequence[Re
 
 
 def _expected_m_s(space: GaitSpace, runs: Sequence[Result], x: Array) -> Array:
-    """Return the speeds (m,) that a model of the runs' trials expects at places (m, 3)."""
+    """Return the speeds (m,) in m/s that a model of the runs' trials expects at places (m, 3)."""
     steps = [step for run in runs for step in run.steps][:MOST_TRIALS]
     tried = places(space, [Gait(step.gait_hz) for step in steps])
     trials = Trials(tried, np.array([step.score_m_s for step in steps]))

@@ -1,4 +1,4 @@
-"""Tables of what a campaign found: rows of plain text, which report and documentation dress as they need."""
+"""Tables of a campaign's findings: rows of plain text, which report and documentation format."""
 
 from __future__ import annotations
 
@@ -12,7 +12,13 @@ from vvvaltr.transfer.experiments.statistics import Comparison
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table: its caption, the columns' names, and the rows, whose first cell is their name."""
+    """A table of text.
+
+    Args:
+        caption: caption.
+        columns: names of the columns.
+        rows: rows; the first cell of each is its name.
+    """
 
     caption: str
     columns: tuple[str, ...]
@@ -20,7 +26,7 @@ class Table:
 
 
 def tabulate_true_speeds(found: PairFindings) -> Table:
-    """Return the true mean speeds at the checkpoints, with the gain over Plain-BO, its interval and p."""
+    """Return the table of true mean speeds at the checkpoints, with gain over Plain-BO, interval and p."""
     names = tuple("the end" if name == "end" else f"trial {name}" for name in found.checkpoint_names())
     rows = []
     for name, method in found.methods.items():
@@ -34,7 +40,7 @@ def tabulate_true_speeds(found: PairFindings) -> Table:
 
 
 def tabulate_verdicts(found: PairFindings) -> Table:
-    """Return what is said of each method at the end, beside its true speed."""
+    """Return the table of each method's other figures at the end of the budget."""
     rows = []
     for name, method in found.methods.items():
         end, best = method.against_plain[-1], method.best_against_plain
@@ -60,7 +66,7 @@ def tabulate_verdicts(found: PairFindings) -> Table:
 
 
 def compare_with_thesis(found: Sequence[PairFindings]) -> tuple[Table, ...]:
-    """Return the thesis' own figures for Efficient-BO beside ours: one table, or none where it was not run."""
+    """Return a table of the thesis' figures for Efficient-BO beside ours; none where it was not run."""
     rows = []
     for it in found:
         if it.pair.published is None or "efficient" not in it.methods:
@@ -108,5 +114,5 @@ def chance_text(it: Comparison) -> str:
 
 
 def trials_text(trials: float) -> str:
-    """Return a number of trials that may be never."""
+    """Return a number of trials as it is printed; infinity is never."""
     return f"{trials:.0f}" if math.isfinite(trials) else "never"

@@ -1,7 +1,7 @@
-"""The experiments as data: from which source S to which target T, for how many trials, and what the thesis found.
+"""The experiments as data: source, target, number of trials, and what the thesis found.
 
 "Transfer Learning for Faster Discovery of Tensegrity Robot Gaits", Union College, 2018, chapter 7. Its engine's gravity
-of -0.1 and -0.5 stands for 1.96 and 9.81 m/s2: five times as much.
+of -0.1 and -0.5 is 1.96 and 9.81 m/s2 here: the ratio of five is kept.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from vvvaltr.twin.world import Hills, World
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A robot somewhere.
+    """A body in a world, with its damage.
 
     Args:
-        name: short, without spaces; also names files.
-        title: in words.
-        body: the twin's body.
-        world: gravity, friction, ground.
-        damage: as ``twin.body.apply_damage`` takes it.
+        name: short name without spaces, part of file names.
+        title: description in words.
+        body: name of the twin's body.
+        world: gravity, friction and ground.
+        damage: what is broken, in the words of ``twin.body.apply_damage``.
     """
 
     name: str
@@ -33,7 +33,14 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """What the thesis reports of Efficient-BO against Plain-BO: best observed speed, trials to converge, p."""
+    """What the thesis reports about Efficient-BO against Plain-BO.
+
+    Args:
+        gain_percent: gain in best observed speed.
+        trials: trials until Efficient-BO converged.
+        plain_trials: trials until Plain-BO converged.
+        p: p of the gain, as printed.
+    """
 
     gain_percent: float
     trials: int
@@ -46,13 +53,14 @@ class Pair:
     """One experiment: learn on the source, then on the target.
 
     Args:
-        key: what the command line calls it.
-        title: in words.
-        source, target: the two conditions.
-        trials: of the source run and of each run on the target.
-        why: what it is for, in a sentence.
-        inverted: whether the source's scores are turned upside down: the worst source there can be.
-        published: the thesis' own figures, where the experiment is one of its three.
+        key: name on the command line.
+        title: description in words.
+        source: condition of the run to learn from.
+        target: condition of the runs that are compared.
+        trials: number of trials of each run.
+        why: purpose of the experiment, in a sentence.
+        inverted: whether the source's scores are turned upside down, which makes it the most misleading source.
+        published: the thesis' figures, where the experiment is one of its three.
     """
 
     key: str
@@ -66,10 +74,10 @@ class Pair:
 
 
 BODIES = {"planar": ("prism3", "icosahedron6"), "spatial": ("icosahedron6", "prism3")}
-"""Each twin's body, and the other one, which is the unrelated source."""
+"""The body of each twin, and the other body, which is the unrelated source."""
 
 HILLS = {"planar": Hills(0.004, 0.2), "spatial": Hills(0.02, 0.3)}
-"""Ground on which each twin's robot is disturbed and still moves on."""
+"""Hills for each twin that disturb its robot and do not stop it."""
 
 DAMAGE = {"planar": ("lighten:3:0.5", "snap:4,8"), "spatial": ("lighten:3:0.5", "snap:4,18")}
 """One lighter strut and two snapped springs."""
@@ -82,11 +90,11 @@ GROUPS = {
     "controls": ("unrelated", "inverted"),
     "all": ("1", "1b", "2", "2-friction", "3", "unrelated", "inverted"),
 }
-"""What may be asked for, each with its pairs."""
+"""Names of groups of experiments, each with its experiments' keys."""
 
 
 def list_pairs(robot: str) -> tuple[Pair, ...]:
-    """Return every experiment on a twin, ``planar`` or ``spatial``."""
+    """Return all experiments on a twin, ``planar`` or ``spatial``."""
     body, other_body = BODIES[robot]
     moon = Condition("low-gravity", "a fifth of gravity, friction 0.5", body, World(1.96, 0.5))
     lighter = Condition("less-gravity", "two thirds of gravity, friction 0.5", body, World(6.54, 0.5))
@@ -99,25 +107,25 @@ def list_pairs(robot: str) -> tuple[Pair, ...]:
         Pair("1", "gravity times five, more friction", moon, rough, 40, "The thesis' first experiment.",
              published=Published(11.3, 17, 34, "< 0.05")),
         Pair("1b", "gravity times one and a half, more friction", lighter, rough, 40,
-             "The like case of experiment 1: source and target share their good gaits."),
+             "Experiment 1 with similar conditions: source and target share their good gaits."),
         Pair("2", "plain ground to hills, more friction", plain, hilly, 50, "The thesis' second experiment.",
              published=Published(12.1, 30, 43, "< 0.01")),
         Pair("2-friction", "more friction, no hills", plain, rough, 50,
-             "The control of experiment 2: how much of it is friction alone."),
+             "The control of experiment 2: the effect of friction alone."),
         Pair("3", "intact to damaged", plain, damaged, 40, "The thesis' third experiment.",
              published=Published(4.31, 31, 35, "> 0.05")),
         Pair("unrelated", "a source of another body", other, rough, 40,
-             "A control: there is next to nothing to transfer, and it should not hurt."),
+             "A control: the source has next to nothing to teach, and it should do no harm."),
         Pair("inverted", "a source turned upside down", lighter, rough, 40,
-             "A control: the source of 1b calls its best gaits the worst, and it should not hurt.", inverted=True),
+             "A control: the source of 1b with its best gaits as the worst, which should do no harm.", inverted=True),
     )  # fmt: skip
 
 
 def find_pairs(robot: str, asked: str) -> tuple[Pair, ...]:
-    """Return the experiments of a group, or the one, called ``asked``.
+    """Return the experiments of the group called ``asked``, or the one experiment with this key.
 
     Raises:
-        ValueError: there is none of this name.
+        ValueError: no group or experiment has this name.
     """
     known = {pair.key: pair for pair in list_pairs(robot)}
     keys = GROUPS.get(asked) or ((asked,) if asked in known else ())

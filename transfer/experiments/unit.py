@@ -1,4 +1,4 @@
-"""A unit of work: one run of learning in one condition, and the true speeds of what it recommended on the way."""
+"""A unit of work: one run of learning in one condition, and the true speeds of the gaits that it recommended."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from vvvaltr.transfer.experiments.thesis import BODIES, Condition
 from vvvaltr.transfer.methods.registry import make_optimizer
 from vvvaltr.twin.presets import TWINS
 
-LOOK_S = 0.1
-"""Time between two looks at a robot whose true speed is measured: a fifth less work than the usual 0.05 s."""
+TRUTH_PERIOD_S = 0.1
+"""Period of commands while a true speed is measured: a fifth less work than with the usual 0.05 s."""
 
 LONGEST_S = 3600.0
-"""The longest trial; what is longer was meant otherwise."""
+"""Longest duration of a trial; anything longer is probably a mistake."""
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What all units of a campaign have in common; another value is another campaign.
+    """What all units of a campaign have in common. A campaign with another value is another campaign.
 
     Args:
-        robot: ``planar`` or ``spatial``.
-        signed: whether motors may also turn backwards: from minus the twin's highest frequency to plus it, instead of
-            between its lowest and its highest.
-        seed: of everything.
-        duration_s: of a trial.
-        starts: fresh starts over which a recommended gait's true speed is the mean.
-        most_trials: the experiments' budgets are cut to this; 0 for what they are.
+        robot: name of the twin, ``planar`` or ``spatial``.
+        signed: whether motors may also turn backwards. Frequencies then go from minus the twin's highest to its
+            highest, instead of from its lowest to its highest.
+        seed: seed of every random stream.
+        duration_s: duration of a trial.
+        starts: number of fresh starts whose mean is a recommended gait's true speed.
+        most_trials: greatest number of trials in a run; 0 for the experiments' own.
 
     Raises:
-        ValueError: a value that no campaign can have.
+        ValueError: a value is out of range.
     """
 
     robot: str = "planar"
@@ -64,16 +64,16 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """One run.
+    """One run of learning.
 
     Args:
-        condition: where.
-        method: by which method.
-        trials: how many.
-        repeat: of the experiment, counted from 1; all its units differ in the seed from those of other repeats.
-        role: what the run is in its repeat; its seed derives from it, so that runs of one role are paired.
-        checkpoints: after which trials the true speed of the recommended gait is measured.
-        source: the run to learn from.
+        condition: body, world and damage.
+        method: name of the method.
+        trials: number of trials.
+        repeat: repeat of the experiment, counted from 1. Its units have other seeds than those of other repeats.
+        role: role of the run in its repeat. The seed derives from it, so that runs of the same role are paired.
+        checkpoints: trials after which the true speed of the recommended gait is measured.
+        source: run to learn from; None for none.
         inverted: whether the source's scores are turned upside down.
     """
 
@@ -88,13 +88,13 @@ class Unit:
 
     @property
     def name(self) -> str:
-        """Unique within a campaign; also the path of its file."""
+        """Name, unique within a campaign; also the path of the unit's file."""
         origin = f"-from-{self.source.condition.name}{'-inverted' * self.inverted}" if self.source else ""
         return f"{self.condition.name}-{self.trials}/{self.method}{origin}/{self.repeat:03}-{self.role}"
 
 
 class Step(msgspec.Struct, frozen=True, tag="trial", tag_field="kind"):
-    """A valid trial, and what was recommended after it with its 95 % interval."""
+    """A valid trial, and the gait recommended after it with the 95 % interval of its mean speed."""
 
     gait_hz: tuple[float, ...]
     score_m_s: float
@@ -105,36 +105,36 @@ class Step(msgspec.Struct, frozen=True, tag="trial", tag_field="kind"):
 
 
 class Truth(msgspec.Struct, frozen=True, tag="true", tag_field="kind"):
-    """Speeds of the gait recommended after trial ``after``, each from a fresh start."""
+    """Speeds of the gait that was recommended after trial ``after``, each from a fresh start."""
 
     after: int
     speeds_m_s: tuple[float, ...]
 
     @property
     def mean_m_s(self) -> float:
-        """The true mean speed, as well as so many starts tell it."""
+        """The true mean speed, as accurately as the number of starts allows."""
         return fmean(self.speeds_m_s)
 
     @property
     def standard_error_m_s(self) -> float:
-        """The standard error of that mean; infinite for a single start."""
+        """Standard error of the mean; infinite for a single start."""
         starts = len(self.speeds_m_s)
         return stdev(self.speeds_m_s) / math.sqrt(starts) if starts > 1 else math.inf
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a unit found: its valid trials in order, and the true speeds at its checkpoints."""
+    """The result of a unit: its valid trials in order, and the true speeds at its checkpoints."""
 
     steps: tuple[Step, ...]
     truths: tuple[Truth, ...]
 
     def until(self, checkpoints: Sequence[int]) -> Result:
-        """Return what the run had found by the last of the checkpoints, with the true speeds at them alone."""
+        """Return the result as of the last of ``checkpoints``, with the true speeds at these checkpoints only."""
         return Result(self.steps[: checkpoints[-1]], tuple(it for it in self.truths if it.after in checkpoints))
 
     def source(self, name: str, inverted: bool) -> Source:
-        """Return the run as a source; ``inverted`` mirrors its scores between the lowest and the highest."""
+        """Return the run as a source. ``inverted`` mirrors its scores between the lowest and the highest."""
         scores = [step.score_m_s for step in self.steps]
         if inverted:
             scores = [min(scores) + max(scores) - score for score in scores]
@@ -142,7 +142,12 @@ class Result:
 
 
 def work(settings: Settings, unit: Unit, source: Source | None) -> Result:
-    """Do a unit of work. The same unit gives the same result, wherever it is done.
+    """Do a unit of work. The same unit gives the same result wherever it is done.
+
+    Args:
+        settings: settings of the campaign.
+        unit: the unit.
+        source: trials of the unit's source; None where it has none.
 
     Raises:
         ValueError: the method cannot use the source.
@@ -151,12 +156,12 @@ def work(settings: Settings, unit: Unit, source: Source | None) -> Result:
     try:
         steps = _learn(settings, unit, source)
         return Result(steps, _measure_truths(settings, unit, steps))
-    except TrialCrashed as crash:  # which cannot travel between processes
+    except TrialCrashed as crash:  # it cannot be pickled, which is how errors travel between processes
         raise RuntimeError(f"{unit.name}: {crash}") from crash.__cause__
 
 
 def open_condition(settings: Settings, condition: Condition, seed: int) -> tuple[GuardedRobot, GaitSpace]:
-    """Return the robot in its condition, and the gaits to search."""
+    """Return the robot in a condition, to be closed after use, and the gaits to search."""
     robot = TWINS[settings.robot].make(condition.body, condition.world, condition.damage, seed=seed)
     low_hz, high_hz = robot.range_hz
     space = GaitSpace.over(robot.motors.motor_count, -high_hz if settings.signed else low_hz, high_hz)
@@ -195,13 +200,13 @@ def _measure_truths(settings: Settings, unit: Unit, steps: Sequence[Step]) -> tu
     return truths
 
 
-@lru_cache(maxsize=1000)  # checkpoints, and runs of a repeat, often recommend the same gait
+@lru_cache(maxsize=1000)  # checkpoints and runs of a repeat often recommend the same gait
 def _measure_speeds_m_s(
     settings: Settings, condition: Condition, repeat: int, gait_hz: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """Return the speeds of a gait. All gaits of a repeat are given the same starts."""
+    """Return the speeds of a gait in m/s. All gaits of a repeat have the same starts."""
     robot, _ = open_condition(settings, condition, _seed(settings, repeat, "true speed"))
-    trial_settings = TrialSettings(settings.duration_s, period_s=LOOK_S)
+    trial_settings = TrialSettings(settings.duration_s, period_s=TRUTH_PERIOD_S)
     with closing(robot):
         starts = [run_trial(robot, Gait(gait_hz), trial_settings, start + 1) for start in range(settings.starts)]
     return tuple(score(trial) for trial in starts if trial.outcome.is_valid)

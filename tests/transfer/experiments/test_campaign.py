@@ -166,9 +166,9 @@ def test_another_campaign_in_the_same_place_is_refused(campaign: Store, tmp_path
     with pytest.raises(UserError, match=r"seed: the campaign in .* has 0, but 1"):
         Store.begin(campaign.folder, Settings(duration_s=0.5, starts=2, most_trials=6, seed=1))
     (tmp_path / "thesis.pdf").touch()
-    with pytest.raises(UserError, match="is no campaign"):
+    with pytest.raises(UserError, match="is not a campaign"):
         Store.begin(tmp_path, QUICK)
-    with pytest.raises(UserError, match="is no campaign"):
+    with pytest.raises(UserError, match="is not a campaign"):
         Store.open(tmp_path)
 
 
