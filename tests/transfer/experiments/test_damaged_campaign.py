@@ -86,9 +86,9 @@ def test_another_campaign_is_told_by_the_option_that_was_typed(store: Store) -> 
         Store.begin(store.folder, Settings(duration_s=0.5, starts=2, most_trials=6))
 
 
-@pytest.mark.parametrize(("duration", "status", "said"), [("1e-9", 2, "0.1"), ("1e9", 1, "--duration 1e+09")])
-def test_a_trial_of_no_time_or_of_years_is_refused(
-    duration: str, status: int, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("duration", "said"), [("1e-9", "0.1"), ("1e9", "--duration is 1e+09")])
+def test_a_trial_of_no_time_or_of_years_is_not_understood(
+    duration: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["experiment", "1", "--duration", duration, "--out", str(tmp_path / "new")]
     try:
@@ -96,6 +96,6 @@ def test_a_trial_of_no_time_or_of_years_is_refused(
     except SystemExit as usage:
         ended = int(usage.code or 0)
 
-    assert ended == status
+    assert ended == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
