@@ -8,9 +8,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from vvvaltr.controller.core.conditions import check_finite
+from vvvaltr.controller.core.table import make_table
 from vvvaltr.controller.core.values import Gait, Recommendation, Source, Structure, Suggestion, Trial, Vector
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,3 +231,10 @@ class Run:
     sources: tuple[Source, ...] = ()
     trials: tuple[LoggedTrial, ...] = ()
     about: Mapping[str, str] = field(default_factory=dict)
+
+    def table(self) -> NDArray[np.void]:
+        """Return the trials as a numpy structured array, one row a trial; docs/log.md lists the columns.
+
+        What is not known is NaN, or an empty text. ``pandas.DataFrame(run.table())`` takes it as it is.
+        """
+        return make_table(self.trials)

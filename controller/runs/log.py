@@ -22,6 +22,7 @@ from vvvaltr.controller.core.disk import sync_folder
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import Command, MotorState, Pose, Source, Structure, Suggestion, Trial
+from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, NewFile, TornFile, entries, lock, register
@@ -220,6 +221,7 @@ class _Contents:
 
     path: Path
     head: Run | None = None
+    format: int = FORMAT
     suggestion: Suggestion | None = None
     poses: list[Pose] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
@@ -253,13 +255,19 @@ class _Contents:
             raise UserError(
                 f"{self.path} has log format {message.format}, but this version reads up to {FORMAT}: upgrade vvvaltr"
             )
-        self.head = codec.run_from(message)
+        self.head, self.format = codec.run_from(message), message.format
 
     def _end_trial(self, message: pb.Trial) -> None:
         if self.suggestion is None:
             raise ValueError(f"trial {message.number} has no suggestion")
-        self.trials.append(trial_from(message, self.suggestion, self.poses, self.commands, self.states))
+        logged = trial_from(message, self.suggestion, self.poses, self.commands, self.states)
+        self.trials.append(_with_movement(logged) if self.format == 1 else logged)
         self.suggestion, self.poses, self.commands, self.states = None, [], [], []
+
+
+def _with_movement(logged: LoggedTrial) -> LoggedTrial:
+    """Return a trial of a log of format 1 with what its poses and states tell, which later formats keep beside them."""
+    return replace(logged, movement=measure_movement(logged.trial), applied=measure_applied(logged.trial))
 
 
 def _ns(seconds: float) -> int:
