@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy
 import pytest
 
 import vvvaltr
@@ -118,7 +119,12 @@ def test_learning_keeps_its_trials_in_a_folder(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [({"score": "nett"}, "no score 'nett'"), ({"out": "."}, "exists"), ({"trials": 0}, "trials is 0")],
+    [
+        ({"score": "nett"}, "no score 'nett'"),
+        ({"out": "."}, "exists"),
+        ({"trials": 0}, "trials is 0"),
+        ({"trials": 12, "confirm": (3, 4)}, "confirm 3x4 leaves no trial"),
+    ],
 )
 def test_bad_wishes_are_refused_before_anything_moves(options: dict[str, object], words: str) -> None:
     with (
@@ -126,6 +132,29 @@ def test_bad_wishes_are_refused_before_anything_moves(options: dict[str, object]
         pytest.raises(vvvaltr.UserError, match=words),
     ):
         vvvaltr.learn(robot, vvvaltr.make_optimizer("plain", robot.space, 1), **options)  # type: ignore[arg-type]
+
+
+class Middle:
+    """Asks for the middle of the space, and forgets what it is told."""
+
+    def __init__(self, space: vvvaltr.GaitSpace) -> None:
+        self.gait = space.from_unit(numpy.full(space.dimension, 0.5))
+
+    def ask(self) -> vvvaltr.Suggestion:
+        return vvvaltr.Suggestion(self.gait, "the middle")
+
+    def tell(self, gait: vvvaltr.Gait, score: float) -> None:
+        pass
+
+
+def test_ask_and_tell_suffice_for_an_optimiser() -> None:
+    with vvvaltr.open_robot("planar", seed=1) as robot:
+        middle = Middle(robot.space)
+        logged = list(vvvaltr.learn(robot, middle, trials=5, duration_s=1.0, confirm=(1, 3)))
+
+    assert [each.suggestion.origin for each in logged] == ["the middle"] * 2 + ["confirmation"] * 3
+    assert logged[-1].recommendation is not None
+    assert logged[-1].recommendation.gait == middle.gait
 
 
 def test_a_run_that_is_broken_off_keeps_its_trials(tmp_path: Path) -> None:
@@ -143,7 +172,7 @@ def test_learning_guards_a_bare_twin() -> None:
     too_fast = vvvaltr.make_optimizer("random", vvvaltr.GaitSpace.over(3, 90.0, 99.0), seed=1)
 
     with pytest.raises(vvvaltr.TrialCrashed, match="outside its limits"):
-        next(vvvaltr.learn(twin, too_fast))
+        list(vvvaltr.learn(twin, too_fast))
 
 
 def test_learning_refuses_motors_without_a_guard() -> None:
@@ -193,6 +222,9 @@ def test_the_names_of_others_do_not_break_the_command(place: tuple[Path, str]) -
     command = str(Path(sys.executable).with_name("vvvaltr"))
     learn = ["learn", "--robot", "planar", "--trials", "2", "--duration", "1", "--no-recording", "--json"]
 
+    trial = ["trial", "9", "9", "9", "--robot", "planar", "--duration", "1", "--json"]
+
     for way in ([command], ["-m", "vvvaltr"]):
         assert python(*way, "--version", cwd=cwd, path=path).strip() == f"vvvaltr {vvvaltr.__version__}"
         assert '"trials": 2' in python(*way, *learn, cwd=cwd, path=path)
+        assert '"completed"' in python(*way, *trial, cwd=cwd, path=path)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # for type checkers and editors; _ROOMS says the same at run 
         TrackingLost,
         UserError,
     )
-    from vvvaltr.controller.core.protocols import Clock, MotorDriver, Optimizer, Robot, Tracker
+    from vvvaltr.controller.core.protocols import AskTell, Clock, MotorDriver, Observer, Optimizer, Robot, Tracker
     from vvvaltr.controller.core.records import LoggedTrial, Run
     from vvvaltr.controller.core.signals import interrupt_on_signals
     from vvvaltr.controller.core.values import (
@@ -45,7 +45,7 @@ if TYPE_CHECKING:  # for type checkers and editors; _ROOMS says the same at run 
 
 _ROOMS = {
     "controller.core.errors": "DeviceError DeviceFault DeviceTimeout LinkLost SafetyStop TrackingLost UserError",
-    "controller.core.protocols": "Clock MotorDriver Optimizer Robot Tracker",
+    "controller.core.protocols": "AskTell Clock MotorDriver Observer Optimizer Robot Tracker",
     "controller.core.records": "LoggedTrial Run",
     "controller.core.signals": "interrupt_on_signals",
     "controller.core.values": "Estimate Gait GaitSpace MotorState Outcome Pose Quantity Recommendation Source "
@@ -63,7 +63,7 @@ __all__ = [  # noqa: RUF022 - in the order of use
     "Gait", "GaitSpace", "Quantity", "run_trial", "TrialSettings", "Trial", "Outcome", "Pose", "MotorState",
     "learn", "make_optimizer", "Source", "Suggestion", "Estimate", "Recommendation", "read_run", "Run", "LoggedTrial",
     "GuardedRobot", "Limits", "Arena", "TrialCrashed", "interrupt_on_signals",
-    "Robot", "MotorDriver", "Tracker", "Clock", "Optimizer",
+    "Robot", "MotorDriver", "Tracker", "Clock", "Optimizer", "AskTell", "Observer",
     "UserError", "DeviceError", "DeviceTimeout", "DeviceFault", "LinkLost", "TrackingLost", "SafetyStop",
 ]  # fmt: skip
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
-from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.core.protocols import AskTell, Robot
+from vvvaltr.controller.core.errors import UserError, one_line_errors
+from vvvaltr.controller.core.protocols import AskTell, Observer, Robot
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.controller.loop import learn as loop
@@ -89,7 +89,9 @@ def learn(
     duration_s: float | None = None,
     settings: TrialSettings | None = None,
     score: str = "net",
+    confirm: tuple[int, int] = (0, 0),
     out: str | Path | None = None,
+    observers: Sequence[Observer] = (),
 ) -> Iterator[LoggedTrial]:
     """Learn a gait: yields each trial as it ends. Ask, run, score, tell; a failed trial is never told.
 
@@ -103,12 +105,14 @@ def learn(
         duration_s: time the motors are driven in each trial; None for what the settings say.
         settings: how a trial is run; None for the robot's own.
         score: ``net``, ``path`` or ``forward``: what counts as speed, in m/s.
+        confirm: (gaits, repeats) of the last trials, which repeat the most promising gaits. An optimiser of your own
+            that only asks and tells has a recommendation after repeats alone.
         out: a new folder that keeps the trials, for ``read_run``, ``vvvaltr view`` and ``vvvaltr learn --source``; None
             to keep nothing on disk.
+        observers: told of each trial and event; a failure of theirs does not end the run.
 
     Raises:
-        UserError: ``trials`` is less than 1, there is no such score, ``out`` exists, or several trials in a row
-            have failed.
+        UserError: an argument is impossible, ``out`` exists, or several trials in a row have failed.
         KeyboardInterrupt: a trial was interrupted; it has been recorded.
         TrialCrashed: the program failed during a trial; it has been recorded.
     """
@@ -116,14 +120,23 @@ def learn(
         raise UserError(f"there is no score {score!r}: choose one of {', '.join(SCORES)}")
     if out is not None and Path(out).exists():
         raise UserError(f"{out} exists: choose another folder, or move it away")
-    if trials < 1:
-        raise UserError(f"trials is {trials}: make at least 1")
-    robot = _guarded(robot)
-    usual = robot.settings if isinstance(robot, OpenRobot) else TrialSettings()
-    chosen = settings or usual
+    guarded, budget = _guarded(robot), _budget(trials, score, confirm)
+    chosen = settings or (robot.settings if isinstance(robot, OpenRobot) else TrialSettings())
     if duration_s is not None:
         chosen = replace(chosen, duration_s=duration_s)
-    return _learn(robot, optimizer, chosen, loop.Budget(trials, score), None if out is None else Path(out))
+
+    def trials_made() -> Iterator[LoggedTrial]:
+        with _recording(robot, None if out is None else Path(out)) as record:
+            yield from loop.learn(guarded, optimizer, chosen, budget, record, observers=observers)
+
+    return trials_made()
+
+
+def _budget(trials: int, score: str, confirm: tuple[int, int]) -> loop.Budget:
+    if trials < 1:
+        raise UserError(f"trials is {trials}: make at least 1")
+    with one_line_errors():
+        return loop.Budget(trials, score, confirm)
 
 
 def _guarded(robot: Robot) -> GuardedRobot:
@@ -133,13 +146,6 @@ def _guarded(robot: Robot) -> GuardedRobot:
     if isinstance(robot, TwinRobot):
         return GuardedRobot(robot, Limits(robot.max_hz))
     raise UserError("the robot's motors have no guard: use open_robot, or GuardedRobot(robot, Limits(max_hz))")
-
-
-def _learn(
-    robot: Robot, optimizer: AskTell, settings: TrialSettings, budget: loop.Budget, out: Path | None
-) -> Iterator[LoggedTrial]:
-    with _recording(robot, out) as record:
-        yield from loop.learn(robot, optimizer, settings, budget, record)
 
 
 @contextmanager
