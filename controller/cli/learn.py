@@ -126,9 +126,9 @@ def _learn(run: RunDirectory, observers: Sequence[Observer], arguments: Namespac
 
 
 def _live_view(run: RunDirectory, arguments: Namespace) -> LiveView:
-    from vvvaltr.controller.view.showing import live_view
+    from vvvaltr.controller.view.showing import open_live_view
 
-    view = live_view(run)
+    view = open_live_view(run)
     try:
         view.open_window()
     except UserError:  # a robot's own computer has no screen; another one can watch through an ssh tunnel

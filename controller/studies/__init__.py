@@ -1,1 +1,1 @@
-"""Questions asked of many trials at once: landscapes and comparisons."""
+"""Questions that take many trials to answer: landscapes and comparisons."""

@@ -1,6 +1,6 @@
-"""Speed over two motors, the third off: one panel for each motor that is off, as in section 8.1 of the thesis.
+"""Speed over two motors with the third off: one panel for each motor that is off.
 
-(Transfer Learning for Faster Discovery of Tensegrity Robot Gaits, Union College, 2018.)
+After section 8.1 of "Transfer Learning for Faster Discovery of Tensegrity Robot Gaits", Union College, 2018.
 """
 
 from __future__ import annotations
@@ -27,9 +27,13 @@ from vvvaltr.twin.robot import TwinRobot
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """Speeds over two motors: ``speed_m_s[i, j]`` at ``frequency_hz[i]`` of ``motors[1]`` and ``[j]`` of ``motors[0]``.
+    """Speeds over two motors, the others off.
 
-    NaN where no trial measured anything.
+    Args:
+        motors: indices of the two motors.
+        frequency_hz: frequencies of both axes, (grid,).
+        speed_m_s: mean scores, (grid, grid): ``[i, j]`` at frequency i of the second motor and j of the first; NaN
+            where no trial was valid.
     """
 
     motors: tuple[int, int]
@@ -39,7 +43,18 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """What to measure: ``grid`` x ``grid`` gaits for each pair of motors, each the mean of ``repeats`` trials."""
+    """What to measure: ``grid`` x ``grid`` gaits for each pair of motors, each the mean of ``repeats`` trials.
+
+    Args:
+        choice: robot and condition.
+        seed: seed of the scatter.
+        settings: settings of each trial.
+        score_name: name of the score.
+        range_hz: lowest and highest frequency.
+        motor_count: number of motors.
+        grid: number of frequencies along each axis.
+        repeats: number of trials per gait.
+    """
 
     choice: RobotChoice
     seed: int
@@ -52,7 +67,7 @@ class Survey:
 
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """The pairs of motors that run; the last one leaves out the first motor."""
+        """The pairs of motors that run; the first motor is off in the last pair."""
         return tuple(combinations(range(self.motor_count), 2))
 
     @property
@@ -61,7 +76,7 @@ class Survey:
         return tuple(np.linspace(*self.range_hz, self.grid).tolist())
 
     def gaits(self) -> Iterator[Gait]:
-        """All gaits, panel by panel, row by row."""
+        """Yield all gaits, panel by panel and row by row."""
         for first, second in self.pairs:
             for second_hz in self.frequency_hz:
                 for first_hz in self.frequency_hz:
@@ -71,15 +86,15 @@ class Survey:
 
 
 def measure(survey: Survey, jobs: int, progress: Callable[[Iterable[float]], Iterable[float]]) -> tuple[Panel, ...]:
-    """Run the survey with ``jobs`` processes or threads; the result does not depend on their number.
+    """Run the survey. The result does not depend on ``jobs``.
 
     Args:
         survey: what to measure.
-        jobs: how much at a time.
-        progress: wraps the stream of speeds, one per trial, to show how far it is.
+        jobs: number of processes or threads.
+        progress: wraps the stream of speeds, one per trial, to show the progress.
 
     Raises:
-        KeyboardInterrupt: somebody ended the program; what was running is given up.
+        KeyboardInterrupt: the program was interrupted; trials that were running are lost.
     """
     trials = [gait for gait in survey.gaits() for _ in range(survey.repeats)]
     tasks = [partial(_speed_m_s, survey, gait, number) for number, gait in enumerate(trials, start=1)]
@@ -91,7 +106,7 @@ def measure(survey: Survey, jobs: int, progress: Callable[[Iterable[float]], Ite
 
 
 def _speed_m_s(survey: Survey, gait: Gait, number: int, robot: TwinRobot) -> float:
-    """Return the speed of one trial, NaN where it measured nothing."""
+    """Return the score of one trial, NaN where it is not valid."""
     trial = run_trial(robot, gait, survey.settings, number)
     if trial.outcome is Outcome.INTERRUPTED:
         raise KeyboardInterrupt(trial.reason)
@@ -99,10 +114,11 @@ def _speed_m_s(survey: Survey, gait: Gait, number: int, robot: TwinRobot) -> flo
 
 
 def draw(panels: tuple[Panel, ...], title: str, path: Path) -> None:
-    """Draw the panels side by side on one colour scale, and write a PNG, PDF or SVG by the path's ending.
+    """Draw the panels side by side on one colour scale, and write them to ``path`` as PNG, PDF or SVG by its ending.
 
     Raises:
         ImportError: matplotlib is missing.
+        OSError: the file cannot be written.
     """
     from matplotlib.figure import Figure
 

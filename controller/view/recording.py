@@ -1,6 +1,6 @@
 """A run in Rerun: as a recording, in a window or the browser, or live while it learns.
 
-Rerun is imported where it is needed and never in a trial: importing it takes a second and 100 MB.
+Rerun is imported where it is needed and never during a trial: the import takes a second and 100 MB.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
-from vvvaltr.controller.view.scene import Scene, result_text
+from vvvaltr.controller.view.scene import Scene, write_result
 from vvvaltr.controller.view.speed_maps import MAP_X, MAP_Y, Learned, Pair, map_path, send_maps
 
 if TYPE_CHECKING:
@@ -32,20 +32,20 @@ _LOCAL = "127.0.0.1"  # nothing is shown to other computers
 
 
 def save_recording(run: Run, path: Path, title: str, learned: Learned | None = None) -> None:
-    """Write a run as a Rerun recording; an existing file is replaced.
+    """Write a run as a Rerun recording. An existing file is replaced.
 
     Args:
         run: the run.
-        path: the file, ``.rrd``.
-        title: what the recording is called in the viewer.
-        learned: what the run has learned, for the maps of expected speed.
+        path: file to write, ``.rrd``.
+        title: name of the recording in the viewer.
+        learned: what the run has learned, for the maps of expected speed; None for no maps.
 
     Raises:
         UserError: the file cannot be written.
     """
     import rerun as rr
 
-    # Over memory: on a full disk Rerun's own writer waits for ever, and no signal ends it.
+    # Through memory: on a full disk Rerun's own writer waits for ever, and no signal ends it.
     with rr.RecordingStream(_APPLICATION) as recording:
         memory = recording.memory_recording()
         recording.send_blueprint(_blueprint(run, learned), make_active=False)
@@ -68,7 +68,7 @@ def _write(recording: bytes, path: Path) -> None:
 
 
 def show(run: Run, title: str, learned: Learned | None = None, web: bool = False) -> None:
-    """Open a run in the Rerun viewer, or with ``web`` in the browser; returns when the viewer is closed.
+    """Open a run in the Rerun viewer, or with ``web`` in the browser, and return when the viewer is closed.
 
     Raises:
         UserError: there is no screen, or the viewer failed.
@@ -88,12 +88,18 @@ def show(run: Run, title: str, learned: Learned | None = None, web: bool = False
 class LiveView:
     """Shows a run while it learns, to every viewer on this computer that connects to ``url``.
 
-    Nothing waits for a viewer; one that comes late gets all that was sent before.
+    It is an ``Observer`` of the run. It never waits for a viewer, and a late viewer receives everything sent before.
 
     Args:
-        run: what there is of the run already.
-        title: what the recording is called in the viewer.
-        learned: what the run learns, for the maps; asked again after each trial.
+        run: the run so far.
+        title: name of the recording in the viewer.
+        learned: what the run learns, for the maps, which are drawn anew after each trial; None for no maps.
+
+    Attributes:
+        url: address for a viewer to connect to.
+
+    Raises:
+        UserError: no network port is free.
     """
 
     def __init__(self, run: Run, title: str, learned: Learned | None = None) -> None:
@@ -108,10 +114,10 @@ class LiveView:
         self._recording.send_recording_name(title)
         self._scene = Scene(self._recording, run.structure)
         self._scene.add(run.trials)
-        _send_result(self._recording, run.trials, learned=None)  # which a resumed run is only about to tell its trials
+        _send_result(self._recording, run.trials, learned=None)  # a resumed run has yet to tell it its trials
 
     def open_window(self) -> None:
-        """Open a viewer, which stays when the run has ended. Raises UserError where there is no screen."""
+        """Open a viewer, which stays open when the run ends. Raises UserError where there is no screen."""
         _require_screen()
         quiet = subprocess.DEVNULL
         # In a session of its own, an interrupt of the run does not reach it.
@@ -128,8 +134,8 @@ class LiveView:
         """Do nothing: the view shows trials."""
 
     def close(self) -> None:
-        """Send what is left, and end. Idempotent."""
-        with suppress(RuntimeError):  # the server is gone: there is nobody left to show it to
+        """Send what is left and stop serving. Idempotent."""
+        with suppress(RuntimeError):  # the server is gone, and with it every viewer
             self._recording.flush()
         self._recording.disconnect()
 
@@ -144,7 +150,7 @@ def _require_screen() -> None:
 
 
 def _free_port(preferred: int) -> int:
-    """Return ``preferred``, or any other port where that one is taken."""
+    """Return the port ``preferred``, or any free one where it is taken. Raises UserError where none is free."""
     for port in (preferred, 0):
         with socket.socket() as listener, suppress(OSError):
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -154,10 +160,10 @@ def _free_port(preferred: int) -> int:
 
 
 def _send_result(recording: rr.RecordingStream, trials: Sequence[LoggedTrial], learned: Learned | None) -> None:
-    """Send what the run came to so far; it is the same at all times."""
+    """Send the result of the run so far, for all points of the time line."""
     import rerun as rr
 
-    text = result_text(trials)
+    text = write_result(trials)
     if learned is not None:
         text += (
             "\n\nMaps: speed expected over two motors, the others as in the best gait. White: trials; red: best gait."
@@ -167,7 +173,7 @@ def _send_result(recording: rr.RecordingStream, trials: Sequence[LoggedTrial], l
 
 
 def _blueprint(run: Run, learned: Learned | None, following: bool = False) -> rrb.Blueprint:
-    """Return the layout: the robot and its motors to the left, the result and what has been learned to the right."""
+    """Return the layout: the robot and its motors on the left, the result and the learned maps on the right."""
     import rerun.blueprint as rrb
 
     result = rrb.TextDocumentView(origin="result", name="Result")
@@ -183,7 +189,7 @@ def _blueprint(run: Run, learned: Learned | None, following: bool = False) -> rr
 
 
 def _robot_view(run: Run) -> rrb.Spatial3DView:
-    """Look at everywhere the robot went, from the front and a little above."""
+    """Return a view of everywhere the robot went, from the front and a little above."""
     import rerun.blueprint as rrb
 
     trails = [pose.position_m for logged in run.trials for pose in logged.trial.poses if pose.is_finite]
@@ -199,7 +205,7 @@ def _robot_view(run: Run) -> rrb.Spatial3DView:
 
 
 def _motor_view() -> rrb.TimeSeriesView:
-    """Show five seconds around the cursor: of a whole run one would see nothing but stripes."""
+    """Return a view of the ten seconds around the cursor: a whole run would show as nothing but stripes."""
     import rerun.blueprint as rrb
 
     begin, end = (rrb.TimeRangeBoundary.cursor_relative(seconds=seconds) for seconds in (-5, 5))

@@ -1,4 +1,4 @@
-"""The forces on a robot as Rerun entities: springs by their tension, contacts, and what ground and motors push with."""
+"""The forces on a robot as Rerun entities: springs by tension, contacts, and the forces of ground and motors."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 When = tuple[float, int]  # seconds since the run began, number of the trial
 
 _UNKNOWN = (150, 158, 170)
-_TENSION_SHARES = (0.7, 1.0, 1.3)  # of the usual tension, the median; colours between are mixed
+_TENSION_SHARES = (0.7, 1.0, 1.3)  # shares of the median tension, with these colours; between them they are mixed
 _TENSION_COLOURS = ((70, 130, 250), (190, 190, 195), (245, 70, 50))
 _CONTACT = (120, 230, 150)
 _PUSH = (235, 130, 225)
-_ARROW_M_N = 0.05
+_ARROW_M_N = 0.05  # length of an arrow per newton
 
 
 def send_force_styles(recording: rr.RecordingStream) -> None:
-    """Send what stays the same of all forces: sizes and colours."""
+    """Send the sizes and colours of all forces, which stay the same."""
     import rerun as rr
 
     for path, style in (
@@ -35,10 +35,10 @@ def send_force_styles(recording: rr.RecordingStream) -> None:
         recording.log(f"world/robot/{path}", style, static=True)
 
 
-def force_columns(
+def list_force_columns(
     structure: Structure, poses: Sequence[tuple[When, Pose]]
 ) -> Iterator[tuple[str, list[When], rr.ComponentColumnList]]:
-    """Yield the entities of the forces, each with its times and columns, for poses with their times."""
+    """Yield the path, times and columns of each entity of the forces, for poses with their times."""
     import rerun as rr
 
     if poses:
@@ -57,7 +57,7 @@ def force_columns(
 
 
 def _spring_colours(each: Sequence[Forces | None]) -> rr.ComponentColumnList:
-    """Return a colour for each spring where the tensions are known, and one for all springs where they are not."""
+    """Return for each pose a colour per spring where its tensions are known, else one colour for all springs."""
     import rerun as rr
 
     tensions_n = np.array([tension_n for forces in each if forces for tension_n in forces.tensions_n])
@@ -80,7 +80,7 @@ def _arrows(origins_m: Sequence[Sequence[Vector]], forces_n: Sequence[Sequence[V
 
 
 def _pushes(structure: Structure, pose: Pose, forces: Forces) -> list[tuple[Vector, Vector]]:
-    """Return place and force of each motor whose strut is seen; a motor is at the middle of its strut."""
+    """Return place (m) and force (N) of each motor whose strut is seen; a motor is at the middle of its strut."""
     pushes = []
     for strut, force_n in zip(structure.motor_struts, forces.motors_n, strict=False):
         ends = structure.struts[strut] if strut < len(structure.struts) else ()

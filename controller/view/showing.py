@@ -1,4 +1,4 @@
-"""A run's directory, shown in Rerun with what the run has learned."""
+"""Shows the run in a directory in Rerun, with what it has learned."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from vvvaltr.controller.view.speed_maps import Learned
 
 
 def save_run(path: Path, recording: Path) -> None:
-    """Write the run in directory ``path`` as a Rerun recording. Raises UserError if there is none."""
+    """Write the run in ``path`` as the Rerun recording ``recording``. Raises UserError where there is no run."""
     run = read_run(path)
     save_recording(run, recording, path.name, _learned(path, run))
 
 
 def show_run(path: Path, web: bool) -> None:
-    """Open the run in directory ``path`` in Rerun, or in the browser. Raises UserError if there is none."""
+    """Open the run in ``path`` in Rerun, or with ``web`` in the browser. Raises UserError where there is no run."""
     run = read_run(path)
     show(run, path.name, _learned(path, run), web=web)
 
 
-def live_view(run: RunDirectory) -> LiveView:
-    """Begin to show ``run`` while it learns."""
+def open_live_view(run: RunDirectory) -> LiveView:
+    """Return a view that shows ``run`` while it learns, to be closed after use."""
     return LiveView(run.logged, run.path.name, Learned(run.space, run.optimizer.predict))
 
 
 def _learned(path: Path, run: Run) -> Learned | None:
-    """Return what the run has learned: its optimiser, told everything again; None for trials that a person made."""
+    """Return what the run has learned, from an optimiser that is told all trials again; None for trials by hand."""
     if not (path / CONFIG_NAME).exists():
         return None
     config = load_config(path)

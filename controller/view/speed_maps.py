@@ -1,4 +1,4 @@
-"""What a run has learned, as pictures: the speed that its model expects over the frequencies of two motors."""
+"""What a run has learned, as maps: the speed that its model expects over the frequencies of two motors."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 Pair = tuple[Parameter, Parameter]  # the searched frequencies of two motors
 
 _POINTS = 25  # along each side of a map
-# What a view of a map must show, in points: the picture, ticks on two sides, the scale to the right.
+# Bounds of a map's view, in points of the map: the picture, ticks on two sides, the colour scale on the right.
 MAP_X = (-8.0, _POINTS + 9.0)
 MAP_Y = (-5.0, _POINTS + 8.0)
 _BEST = (255, 60, 60)
-# Viridis at nine places, from dark to bright.
+# The colour map viridis at nine places, from dark to bright.
 _VIRIDIS = np.array(
     [
         (68, 1, 84),
@@ -42,24 +42,29 @@ _VIRIDIS = np.array(
 
 @dataclass(frozen=True, slots=True)
 class Learned:
-    """What a run has learned: ``predict`` gives the speeds (m/s) expected of gaits in ``space``."""
+    """What a run has learned.
+
+    Args:
+        space: gaits that were searched.
+        predict: returns the estimated mean speed of each gait, in m/s.
+    """
 
     space: GaitSpace
     predict: Callable[[Sequence[Gait]], tuple[Estimate, ...]]
 
     @property
     def pairs(self) -> tuple[Pair, ...]:
-        """All pairs of searched frequencies."""
+        """All pairs of searched frequencies, each the axes of a map."""
         return tuple(combinations((p for p in self.space.parameters if p.quantity is Quantity.FREQUENCY), 2))
 
 
 def map_path(pair: Pair) -> str:
-    """Return the entity that holds a pair's map."""
+    """Return the path of the Rerun entity of a pair's map."""
     return f"learned/motors_{pair[0].motor + 1}_{pair[1].motor + 1}"
 
 
 def send_maps(recording: rr.RecordingStream, learned: Learned, trials: Sequence[LoggedTrial]) -> None:
-    """Send the map of each pair of motors; what is not in the pair is held as in the gait recommended last."""
+    """Send the map of each pair of motors; all other parameters are those of the last recommended gait."""
     recommended = [logged.recommendation for logged in trials if logged.recommendation is not None]
     if not recommended:
         return
@@ -74,7 +79,7 @@ def send_maps(recording: rr.RecordingStream, learned: Learned, trials: Sequence[
 
 
 def _speeds_mm_s(learned: Learned, pair: Pair, held: Gait) -> Array:
-    """Return the expected speeds, shape (points, points): row for the second motor, column for the first."""
+    """Return the expected speeds, (points, points): a row per frequency of the second motor, a column of the first."""
     gaits = []
     for second in np.linspace(pair[1].low, pair[1].high, _POINTS):
         for first in np.linspace(pair[0].low, pair[0].high, _POINTS):
@@ -85,7 +90,7 @@ def _speeds_mm_s(learned: Learned, pair: Pair, held: Gait) -> Array:
 
 
 def _place(pair: Pair, first_hz: float, second_hz: float) -> tuple[float, float]:
-    """Return where two frequencies lie in the picture: the first to the right, the second up."""
+    """Return the place of two frequencies in the picture: the first to the right, the second up."""
     across, up = ((hz - p.low) / (p.high - p.low) for hz, p in zip((first_hz, second_hz), pair, strict=True))
     return 0.5 + across * (_POINTS - 1), 0.5 + (1.0 - up) * (_POINTS - 1)
 
@@ -98,7 +103,7 @@ def _send_map(recording: rr.RecordingStream, pair: Pair, shares: Array) -> None:
 
 
 def _colours(shares: Array) -> NDArray[np.uint8]:
-    """Return colours of shape (..., 3) for numbers from 0 to 1."""
+    """Return the colours, shape (..., 3), of numbers from 0 to 1, shape (...)."""
     places = np.linspace(0.0, 1.0, len(_VIRIDIS))
     return np.stack([np.interp(shares, places, part) for part in _VIRIDIS.T], axis=-1).astype(np.uint8)
 
@@ -114,7 +119,7 @@ def _send_gaits(recording: rr.RecordingStream, pair: Pair, tried: Sequence[Gait]
 
 
 def _send_axes(recording: rr.RecordingStream, pair: Pair, low: float, high: float) -> None:
-    """Send ticks in Hz along both sides, and a bar that says which colour is which speed in mm/s."""
+    """Send ticks in Hz along two sides, and a scale of colours in mm/s."""
     import rerun as rr
 
     right, left, below = _POINTS + 2.0, -3.0, _POINTS + 2.0

@@ -21,7 +21,7 @@ from vvvaltr.controller.core.records import Run
 from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Outcome, Pose, Structure
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
 from vvvaltr.controller.view.recording import LiveView, save_recording, show
-from vvvaltr.controller.view.scene import result_text
+from vvvaltr.controller.view.scene import write_result
 from vvvaltr.controller.view.speed_maps import Learned
 
 RUN = sample_run(trials=4, poses=21)
@@ -162,7 +162,7 @@ def test_before_the_first_valid_trial_there_is_nothing_to_map(tmp_path: Path) ->
 
 def test_the_result_tells_the_posterior_and_not_the_luckiest_trial() -> None:
     recommendation = RUN.trials[-1].recommendation
-    text = result_text(RUN.trials)
+    text = write_result(RUN.trials)
     assert f"**{1000 * recommendation.estimate.mean:.1f} mm/s** (posterior mean)" in text
     assert "3 completed, 1 tracking lost" in text
 
