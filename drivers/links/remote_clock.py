@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 _DRIFT = 2e-4  # of two clocks against each other, at most
+_REMEMBERED = 512  # messages
 
 
 class RemoteClock:
@@ -13,6 +15,21 @@ class RemoteClock:
     def __init__(self) -> None:
         self._offset_s = math.inf
         self._last_s = 0.0
+        self._delays_s: deque[float] = deque(maxlen=_REMEMBERED)
+
+    @property
+    def offset_s(self) -> float:
+        """What this computer's clock shows when the other one shows 0; infinite before the first message.
+
+        It is too great by the time that the quickest message was under way.
+        """
+        return self._offset_s
+
+    @property
+    def jitter_s(self) -> float:
+        """How much later than the quickest message 95 % of the last messages come; NaN before the first one."""
+        delays_s = sorted(self._delays_s.copy())
+        return delays_s[int(0.95 * (len(delays_s) - 1))] if delays_s else math.nan
 
     def here_s(self, there_s: float, received_s: float) -> float:
         """Return when, on this computer's clock, the other clock showed ``there_s``.
@@ -25,4 +42,5 @@ class RemoteClock:
         creep_s = _DRIFT * max(0.0, there_s - self._last_s)
         self._last_s = there_s
         self._offset_s = min(self._offset_s + creep_s, received_s - there_s)
+        self._delays_s.append(received_s - there_s - self._offset_s)
         return self._offset_s + there_s

@@ -8,10 +8,9 @@ from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
-import numpy as np
-
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, TrackingLost, UserError
-from vvvaltr.controller.core.values import Gait, Pose
+from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.robot.commissioning.track import look, problems, sight
 from vvvaltr.controller.robot.commissioning.vibration import applied, shaking, strongest, watch
 from vvvaltr.controller.robot.hardware import JoinedMotors, open_motors
 from vvvaltr.controller.robot.robot_file import RobotFile
@@ -24,9 +23,8 @@ _TEST_SHARE, _TEST_HZ = 0.75, 15.0  # of the greatest frequency, but no faster t
 _SETTLE_S, _LOOK_S = 0.6, 1.0
 _TOLERANCE = 0.15
 _CLEAR = 1.6
-_GREETING_S = 2.0
+_LOOK_AT_REST_S = 2.0
 _TURN_S, _RUN_DOWN_S, _AT_REST_HZ = 0.4, 0.5, 1.0
-_LEAST_RATE_HZ, _MOST_JITTER_M = 20.0, 0.005
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,25 +125,10 @@ def _hears_watchdog(line: MotorLine, duration_s: float, gait: Gait | None = None
 
 
 def _check_tracker(tracker: PoseTracker) -> Finding:
-    poses: list[Pose] = []
-    lost = "the tracker sends one pose and no more"
-    end_s = time.monotonic() + _GREETING_S
-    while time.monotonic() < end_s and (not poses or poses[-1].t_s - poses[0].t_s < _LOOK_S):
-        try:
-            if (pose := tracker.pose()) not in poses[-1:]:
-                poses.append(pose)
-        except TrackingLost as error:
-            lost = str(error)
-        time.sleep(0.002)
-    if len(poses) < 2:
-        return Finding("tracker", False, lost, "start the tracker, let it send to this address, show it the robot")
-    rate_hz = (len(poses) - 1) / (poses[-1].t_s - poses[0].t_s)
-    jitter_m = float(np.std([pose.position_m for pose in poses], axis=0).max())
-    detail = f"{rate_hz:.0f} poses/s, at rest within {1000.0 * jitter_m:.1f} mm"
-    if rate_hz < _LEAST_RATE_HZ:
-        return Finding("tracker", False, detail, f"let it send {_LEAST_RATE_HZ:g} poses/s or more")
-    if jitter_m > _MOST_JITTER_M:
-        return Finding("tracker", False, detail, "put the robot down at rest, and calibrate the tracker")
+    seen = sight(list(look(tracker, _LOOK_AT_REST_S)), tracker)
+    detail = f"{seen.rate_hz:.0f} poses/s, at rest within {1000.0 * seen.noise_m:.1f} mm"
+    for problem in problems(seen):
+        return Finding("tracker", False, problem.what if seen.poses < 2 else f"{problem.what} ({detail})", problem.cure)
     return Finding("tracker", True, detail)
 
 

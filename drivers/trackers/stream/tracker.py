@@ -3,10 +3,11 @@
 One datagram holds one pose::
 
     {"sequence": 17, "t_s": 3.4, "position_m": [0.12, 0.0, 0.03],
-     "yaw_rad": 0.1, "pitch_rad": 0.0, "roll_rad": 0.0, "markers_m": [[0.1, 0.0, 0.0], ...]}
+     "yaw_rad": 0.1, "pitch_rad": 0.0, "roll_rad": 0.0, "markers_m": [[0.1, 0.0, 0.0], ...], "uncertainty_m": 0.0002}
 
 ``sequence`` counts up; ``t_s`` is when the pose was taken, on any clock that never goes back; ``position_m`` is null
-while the tracker does not see the robot. Angles and markers (the strut ends) may be left out.
+while the tracker does not see the robot. Angles, markers (the strut ends) and the uncertainty of the position may be
+left out.
 """
 
 from __future__ import annotations
@@ -15,13 +16,12 @@ import math
 import socket
 import threading
 import time
-from dataclasses import replace
 
 import msgspec
 
-from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.controller.core.values import Pose, Vector
 from vvvaltr.drivers.links.remote_clock import RemoteClock
+from vvvaltr.drivers.trackers.newest import UNSEEN, NewestPose
 
 LOOPBACK = "127.0.0.1"
 _LONGEST_BYTES = 65536
@@ -35,12 +35,15 @@ class _Message(msgspec.Struct):
     pitch_rad: float = 0.0
     roll_rad: float = 0.0
     markers_m: tuple[Vector, ...] = ()
+    uncertainty_m: float | None = None
 
 
 def encode_pose(sequence: int, pose: Pose) -> bytes:
     """Return the datagram for a pose."""
     angles = (pose.yaw_rad, pose.pitch_rad, pose.roll_rad)
-    return msgspec.json.encode(_Message(sequence, pose.t_s, pose.position_m, *angles, pose.markers_m))
+    return msgspec.json.encode(
+        _Message(sequence, pose.t_s, pose.position_m, *angles, pose.markers_m, pose.uncertainty_m)
+    )
 
 
 def encode_lost(sequence: int, t_s: float) -> bytes:
@@ -61,9 +64,9 @@ def decode_pose(datagram: bytes) -> tuple[int, Pose | None]:
     if message.position_m is None:
         return message.sequence, None
     angles = (message.yaw_rad, message.pitch_rad, message.roll_rad)
-    pose = Pose(message.t_s, message.position_m, *angles, message.markers_m)
-    markers = (value for marker in pose.markers_m for value in marker)
-    if not (pose.is_finite and math.isfinite(pose.t_s) and all(map(math.isfinite, markers))):
+    pose = Pose(message.t_s, message.position_m, *angles, message.markers_m, uncertainty_m=message.uncertainty_m)
+    more = (pose.t_s, pose.uncertainty_m or 0.0, *(value for marker in pose.markers_m for value in marker))
+    if not (pose.is_finite and all(map(math.isfinite, more))):
         raise ValueError("malformed pose: it holds what is not a number")
     return message.sequence, pose
 
@@ -121,18 +124,14 @@ class StreamTracker:
     """
 
     def __init__(self, host: str = LOOPBACK, port: int = 0, age_limit_s: float = 0.2) -> None:
-        self._age_limit_s = age_limit_s
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.bind((host, port))
         except OSError as error:
             self._socket.close()
             raise ValueError(f"cannot listen for poses on {host}:{port}: {error.strerror}") from error
-        self._clock = RemoteClock()
-        self._datagram = b""
-        self._sequence, self._sent_s, self._heard_s = -1, -math.inf, -math.inf
-        # What the newest datagram says, or why it says nothing: one attribute, for two threads share it.
-        self._newest: Pose | str = f"no pose has come to {self.address}; is the tracker sending?"
+        self._newest = NewestPose(age_limit_s, f"no pose has come to {self.address}; is the tracker sending?")
+        self._datagram, self._sent_s = b"", -math.inf
         self._closing = threading.Event()
         # A thread, for a socket that nobody reads keeps the oldest datagrams and throws away the newest.
         self._thread = threading.Thread(target=self._listen, name=f"poses on {self.address}", daemon=True)
@@ -144,15 +143,14 @@ class StreamTracker:
         host, port = self._socket.getsockname()
         return f"{host}:{port}"
 
+    @property
+    def clock(self) -> RemoteClock:
+        """The sender's clock."""
+        return self._newest.clock
+
     def pose(self) -> Pose:
         """Return the newest pose. Raises TrackingLost if it is too old, malformed, or the robot was not seen."""
-        newest = self._newest
-        if isinstance(newest, str):
-            raise TrackingLost(newest)
-        age_s = time.monotonic() - newest.t_s
-        if age_s > self._age_limit_s:
-            raise TrackingLost(f"the last pose is {age_s:.2f} s old; the limit is {self._age_limit_s:g} s")
-        return newest
+        return self._newest.pose()
 
     def close(self) -> None:
         """Stop listening. Idempotent."""
@@ -173,15 +171,8 @@ class StreamTracker:
         try:
             sequence, pose = decode_pose(datagram)
         except ValueError as error:
-            self._newest = str(error)
+            self._newest.lose(str(error))
             return
         sent_s = self._sent_s if pose is None else pose.t_s
-        if sequence <= self._sequence or sent_s < self._sent_s:
-            if received_s - self._heard_s < self._age_limit_s:
-                return  # repeated, or overtaken on its way
-            self._clock = RemoteClock()  # after a silence another sender may begin, at any number and time
-        self._sequence, self._sent_s, self._heard_s = sequence, sent_s, received_s
-        if pose is None:
-            self._newest = "the tracker does not see the robot"
-        else:
-            self._newest = replace(pose, t_s=self._clock.here_s(pose.t_s, received_s))
+        if self._newest.take(sequence, sent_s, pose or UNSEEN, received_s):
+            self._sent_s = sent_s
