@@ -16,21 +16,21 @@ from vvvaltr.controller.loop.observing import Followers
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 
-_FAILURES_IN_A_ROW = 3  # after which somebody has to look at the robot
+_FAILURES_IN_A_ROW = 3  # after which the operator must look at the robot
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """How much a run may do.
+    """Limits of a run.
 
     Args:
-        trials: valid trials in all.
-        score_name: what they are scored by.
-        confirm: how many promising gaits to repeat at the end, and how often each: part of ``trials``.
-        stop_below: end the search before its time once a trial is expected to gain less than this, in the score's unit.
+        trials: number of valid trials, confirmation included.
+        score_name: name of the score.
+        confirm: number of promising gaits to repeat at the end, and number of repeats of each.
+        stop_below: the search ends early when the next trial is expected to gain less than this, in the score's unit.
 
     Raises:
-        ValueError: nothing would be left for the search.
+        ValueError: the confirmation leaves no trial for the search.
     """
 
     trials: int
@@ -45,7 +45,7 @@ class Budget:
 
     @property
     def search_trials(self) -> int:
-        """Trials that are not kept for the confirmation."""
+        """Number of trials that the confirmation leaves for the search."""
         return self.trials - self.confirm[0] * self.confirm[1]
 
 
@@ -60,21 +60,21 @@ def learn(
 ) -> Iterator[LoggedTrial]:
     """Learn a gait; yields each trial once it is recorded.
 
-    Only valid trials are observations. A failed one is recorded and its gait tried again.
+    Only valid trials are told to the optimiser. A failed trial is recorded, and its gait is tried again.
 
     Args:
         robot: with guarded motors.
-        optimizer: one that has been told nothing; it is told ``history`` first, so a resumed run goes on as it would
-            have. One that only asks and tells is completed by ``ask_tell.complete``.
-        settings: how a trial is run.
-        budget: when to end.
-        record: keeps a trial for good before the next begins: the log. Its failure ends the run.
-        history: the trials that the run already has.
+        optimizer: told nothing so far. It is told ``history`` first, so that a resumed run continues as it would have
+            without the break. ``ask`` and ``tell`` suffice: ``ask_tell.complete`` fills in the rest.
+        settings: settings of every trial.
+        budget: limits of the run.
+        record: writes a trial to the log before the next trial begins. Its failure ends the run.
+        history: earlier trials of the run.
         observers: told of each trial once it is recorded, and of events; their failure does not end the run.
 
     Raises:
         KeyboardInterrupt: the operator interrupted a trial; it has been recorded.
-        UserError: several trials in a row have failed: the robot needs a hand.
+        UserError: several trials in a row have failed, so the robot needs its operator.
         TrialCrashed: the program failed during a trial; it has been recorded.
     """
     plan = _Plan(complete(optimizer), budget)
@@ -119,7 +119,7 @@ def _make_trials(
 
 
 class _Plan:
-    """Search, then confirmation: what to try next, and what to make of it."""
+    """Chooses the next gait, in the search and then in the confirmation, and learns from its trial."""
 
     def __init__(self, optimizer: Optimizer, budget: Budget) -> None:
         self._optimizer = optimizer
@@ -129,14 +129,14 @@ class _Plan:
         self._finalists: tuple[Gait, ...] | None = None
 
     def remember(self, logged: LoggedTrial) -> None:
-        """Take in a trial that the run already has."""
+        """Learn from an earlier trial of the run."""
         if logged.suggestion.phase is Phase.CONFIRMATION:
             self._begin_confirmation()
         if logged.score is not None:
             self._take(logged.suggestion, logged.trial.gait, logged.score)
 
     def next(self) -> Suggestion | None:
-        """Return what to try next; None at the end."""
+        """Return the next suggestion; None at the end of the run."""
         if self._finalists is None and not self._is_search_over():
             return self._optimizer.ask()
         finalists = self._begin_confirmation()
@@ -146,7 +146,7 @@ class _Plan:
         return Suggestion(gait, "confirmation", self._optimizer.predict([gait])[0], phase=Phase.CONFIRMATION)
 
     def judge(self, suggestion: Suggestion, trial: Trial) -> LoggedTrial:
-        """Score a trial and learn from it, if it measured something."""
+        """Return the record of a trial; a valid one is scored and learned from first."""
         if not trial.outcome.is_valid:
             return complete_record(suggestion, trial)
         speed_m_s = score(trial, self._budget.score_name)
@@ -160,7 +160,7 @@ class _Plan:
         return has_begun and stop_below > 0.0 and self._optimizer.improvement() < stop_below
 
     def _begin_confirmation(self) -> tuple[Gait, ...]:
-        """Return the gaits to confirm, chosen once: what is seen of them must not choose them anew."""
+        """Return the gaits to confirm. They are chosen once: their repeats must not change the choice."""
         if self._finalists is None:
             self._finalists = self._optimizer.promising(self._budget.confirm[0]) if self._budget.confirm[0] else ()
         return self._finalists
@@ -192,14 +192,14 @@ def _stop_if_hopeless(trial: Trial, failures: int) -> None:
     if trial.outcome is Outcome.INTERRUPTED:
         raise KeyboardInterrupt(trial.reason)
     if failures >= _FAILURES_IN_A_ROW:
-        raise UserError(f"{failures} trials in a row failed, the last one so: {trial.outcome}: {trial.reason}")
+        raise UserError(f"{failures} trials in a row failed; the last one: {trial.outcome}: {trial.reason}")
 
 
-def source_from(name: str, trials: Sequence[LoggedTrial], score_name: str) -> Source:
-    """Return the valid trials of another run, scored as this run scores.
+def make_source(name: str, trials: Sequence[LoggedTrial], score_name: str) -> Source:
+    """Return the valid trials of another run as a source, with the score called ``score_name``.
 
     Raises:
-        ValueError: it has none, or imported ones that cannot be scored so.
+        ValueError: there is no valid trial, or the trials were imported and have no path to compute this score from.
     """
     valid = [logged for logged in trials if logged.score is not None]
     scores = tuple(_score_again(name, logged, score_name) for logged in valid)

@@ -1,4 +1,4 @@
-"""What keeps motors, robot and measurement within bounds: limits on every command, guards on every pose."""
+"""Bounds for motors, robot and measurement: limits on every command, guards on every pose."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
 from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Pose, Quantity, Structure
 
 _RUNAWAY = 1.25  # applied over allowed frequency, above which a motor has run away
-_SOON_S = 0.7  # into a trial; what was driven for less has measured the tracker's noise
+_SOON_S = 0.7  # a trial that ends earlier has measured only the tracker's noise
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What may be asked of the motors.
+    """Limits of a command to the motors.
 
     Args:
-        max_hz: (motors,) the greatest frequency of each, in both senses of rotation.
-        max_hold_s: the longest time that one command may stay in force.
+        max_hz: (motors,) greatest frequency of each motor, in both senses of rotation.
+        max_hold_s: longest time that one command may stay in force.
     """
 
     max_hz: tuple[float, ...]
@@ -83,12 +83,12 @@ class GuardedMotors:
         self._driver.stop()
 
     def close(self) -> None:
-        """Stop, then let go of the line."""
+        """Stop, then close the line."""
         self._driver.close()
 
 
 class GuardedRobot:
-    """A robot whose motors can only be reached through their guard."""
+    """A robot whose motors are accessible only through their guard."""
 
     def __init__(self, robot: Robot, limits: Limits) -> None:
         self._robot = robot
@@ -115,7 +115,7 @@ class GuardedRobot:
         self._robot.place(trial)
 
     def close(self) -> None:
-        """Stop the motors and let go of everything."""
+        """Stop the motors and close all devices."""
         self._robot.close()
 
 
@@ -128,10 +128,10 @@ class Arena:
 
 
 Guard = Callable[[Pose], None]
-"""Looks at every pose of a trial and raises SafetyStop to end it."""
+"""Checks every pose of a trial, and raises SafetyStop to end it."""
 
 
-def arena_guard(arena: Arena) -> Guard:
+def make_arena_guard(arena: Arena) -> Guard:
     """Return a guard that ends the trial when the robot leaves the arena."""
 
     def check(pose: Pose) -> None:
@@ -139,14 +139,14 @@ def arena_guard(arena: Arena) -> Guard:
             if not low <= value <= high:
                 where = f"left the arena: {axis} = {value:.3f} m is outside {low:g} to {high:g} m"
                 if pose.t_s < _SOON_S:
-                    raise SafetyStop(Outcome.FAULTED, f"{where} after {pose.t_s:.2f} s; put the robot into its middle")
+                    raise SafetyStop(Outcome.FAULTED, f"{where} after {pose.t_s:.2f} s; put it in the middle")
                 raise SafetyStop(Outcome.CUT_SHORT, where)
 
     return check
 
 
 class HeadingGuard:
-    """Ends a trial that goes round in circles, by the rule of the published experiments.
+    """Ends a trial in which the robot turns too far, by the rule of the published experiments.
 
     The trial ends when the heading is more than ``limit_rad`` from where it began in ``checks`` checks in a row, one
     check every ``period_s`` (1 rad, 3 checks, 0.1 s).

@@ -11,21 +11,21 @@ from dataclasses import dataclass, field, replace
 from vvvaltr.controller.core.errors import DeviceError, DeviceTimeout, LinkLost, SafetyStop, TrackingLost
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.values import Command, Gait, MotorState, Outcome, Pose, Trial
-from vvvaltr.controller.loop.safety import Arena, Guard, HeadingGuard, arena_guard
+from vvvaltr.controller.loop.safety import Arena, Guard, HeadingGuard, make_arena_guard
 
 
 @dataclass(frozen=True, slots=True)
 class TrialSettings:
-    """How a trial is run.
+    """Settings of a trial.
 
     Args:
-        duration_s: how long the motors are driven.
-        settle_s: how long the robot rests before.
-        ramp_s: how long the frequencies take to rise to the gait's, within ``duration_s``.
-        period_s: time between two commands, and between two looks at tracker and motors.
-        hold_s: how long a command stays in force; the motors stop by themselves if the next is later.
-        arena: where the robot may be; None for everywhere.
-        heading_limit_rad: how far it may turn; None for any turn.
+        duration_s: time the motors are driven.
+        settle_s: time the robot rests before the drive.
+        ramp_s: time in which the frequencies rise to those of the gait; part of ``duration_s``.
+        period_s: time between two commands, and between two readings of tracker and motors.
+        hold_s: time a command stays in force; the motors stop by themselves if the next one is later.
+        arena: rectangle that the robot may not leave; None for no limit.
+        heading_limit_rad: greatest change of heading; None for no limit.
     """
 
     duration_s: float = 5.0
@@ -40,7 +40,7 @@ class TrialSettings:
         """Return fresh guards for one trial."""
         guards: list[Guard] = []
         if self.arena is not None:
-            guards.append(arena_guard(self.arena))
+            guards.append(make_arena_guard(self.arena))
         if self.heading_limit_rad is not None:
             guards.append(HeadingGuard(self.heading_limit_rad))
         return guards
@@ -57,11 +57,11 @@ class TrialCrashed(Exception):
 def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1) -> Trial:
     """Drive ``gait`` once and return what happened. The motors are stopped when this returns or raises.
 
-    Whatever befalls robot, link, tracker or operator is an outcome of the trial; an operator's interrupt is
-    ``Outcome.INTERRUPTED``, and it is for the caller to end the run.
+    A failure of robot, link or tracker is an outcome of the trial. So is an interrupt by the operator,
+    ``Outcome.INTERRUPTED``, after which the caller ends the run.
 
     Raises:
-        TrialCrashed: the program failed; the trial is in the exception, to be recorded before it goes on.
+        TrialCrashed: the program failed; the exception holds the trial, which the caller records.
     """
     watch = _Watch(robot, settings.guards())
     started_unix_s = time.time()
@@ -76,7 +76,7 @@ def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1
     trial = Trial(
         number,
         gait,
-        *_ending(problem),
+        *_describe_ending(problem),
         started_unix_s,
         duration_s=watch.driven_s,
         poses=tuple(watch.poses),
@@ -88,7 +88,7 @@ def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1
     return trial
 
 
-def _ending(problem: Exception | KeyboardInterrupt | None) -> tuple[Outcome, str]:
+def _describe_ending(problem: Exception | KeyboardInterrupt | None) -> tuple[Outcome, str]:
     """Return the outcome that an error stands for, and the reason in words."""
     match problem:
         case None:
@@ -119,7 +119,7 @@ def _drive(robot: Robot, gait: Gait, settings: TrialSettings, watch: _Watch) -> 
 
 @dataclass(slots=True)
 class _Watch:
-    """Sends commands and reads the robot, and keeps all of it, in seconds since the drive began."""
+    """Sends commands, reads the robot, and keeps both, with times in seconds since the drive began."""
 
     robot: Robot
     guards: list[Guard]

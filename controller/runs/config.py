@@ -59,7 +59,7 @@ class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
 
 
 def check_config(config: RunConfig, spell: Callable[[str], str] = str) -> None:
-    """Raise ValueError for a value that no run can have; ``spell`` says what its key is called there."""
+    """Raise ValueError for an impossible value; ``spell`` returns a key as the user wrote it."""
     for key, (low, high) in _BOUNDS.items():
         value = getattr(config, key)
         if not (low <= value <= high and value < math.inf):
@@ -75,7 +75,7 @@ def check_config(config: RunConfig, spell: Callable[[str], str] = str) -> None:
     if min(config.confirm) < 0:
         raise ValueError(f"{spell('confirm')} is {list(config.confirm)}; allowed: 0 or more")
     low_hz, high_hz = config.range_hz
-    if not low_hz < high_hz:  # nor if one is no number
+    if not low_hz < high_hz:  # false also where one of them is NaN
         raise ValueError(f"{spell('range_hz')} {low_hz:g} {high_hz:g} is empty: give the lower frequency first")
 
 

@@ -32,7 +32,7 @@ class EventStream:
         """
         try:
             if name.isdecimal():
-                number = min(int(name), 2**31 - 1)  # what is greater is no descriptor either
+                number = min(int(name), 2**31 - 1)  # a greater number cannot be a descriptor either
                 return cls(os.fdopen(number, "wb", buffering=0, closefd=False))
             return cls(Path(name).open("ab", buffering=0))
         except (OSError, ValueError) as error:

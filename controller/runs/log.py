@@ -25,11 +25,11 @@ from vvvaltr.controller.core.values import Command, MotorState, Pose, Source, St
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
-from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, NewFile, TornFile, entries, lock, register
-from vvvaltr.controller.runs.schema.trial_codec import trial_from, trial_message
+from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, NewFile, TornFile, lock, read_entries, register
+from vvvaltr.controller.runs.schema.trial_codec import decode_trial, encode_trial
 
 LOG_NAME = "trials.mcap"
-FORMAT = 2  # 1 was written by version 0.1; what it lacks is absent
+FORMAT = 2  # version 0.1 wrote format 1
 _KINDS: dict[str, type[Message]] = {
     "/run": pb.Run,
     "/optimizer/suggestion": pb.Suggestion,
@@ -55,7 +55,7 @@ class RunLog:
         self._end_ns = 0  # of the last trial
         begin_ns = _ns(head.trials[0].trial.started_unix_s) if head.trials else time.time_ns()
         self._writer.add_metadata("vvvaltr", dict(head.about))
-        self._write([("/run", begin_ns, codec.run_message(FORMAT, head))])
+        self._write([("/run", begin_ns, codec.encode_run(FORMAT, head))])
         for logged in head.trials:
             self._write(self._messages(logged))
         disk.sync()
@@ -71,7 +71,7 @@ class RunLog:
         """Begin a new log; the arguments are those of ``Run``.
 
         Raises:
-            FileExistsError: there is a file at ``path`` already; it is not touched.
+            FileExistsError: there is already a file at ``path``; it is unchanged.
             OSError: the file cannot be written.
         """
         disk = NewFile(path)
@@ -86,14 +86,14 @@ class RunLog:
 
     @classmethod
     def recover(cls, path: Path) -> tuple[Self, Run]:
-        """Open a finished or torn log to go on with it, and return it with what it holds.
+        """Open a finished or torn log for more trials, and return it with its contents.
 
         The complete trials are written to a new file, which then takes the place of the old one in one step. Where the
         old one ended in the middle of a trial, a copy of it is left beside the new one, with the ending ``.torn``.
 
         Raises:
-            UserError: the file is no log of a run, is damaged, or is being written by another process.
-            OSError: the new file cannot be written; the old one is as it was.
+            UserError: the file is not the log of a run, is damaged, or is being written by another process.
+            OSError: the new file cannot be written; the old one is unchanged.
         """
         with _open(path) as file:
             lock(file, path)
@@ -122,7 +122,7 @@ class RunLog:
 
         Raises:
             ValueError: the log is closed, or the trial holds what no message can hold; nothing is written.
-            OSError: the disk failed; the log is closed, and what it held before can be recovered.
+            OSError: the disk failed; the log is closed, and its earlier trials can be recovered.
         """
         if self._disk.closed:
             raise ValueError("the log is closed")
@@ -158,17 +158,17 @@ class RunLog:
     def _messages(self, logged: LoggedTrial) -> list[_Timed]:
         trial = logged.trial
         origin_ns, end_ns = find_trial_span_ns(trial, after_ns=self._end_ns)
-        messages: list[_Timed] = [("/optimizer/suggestion", origin_ns, codec.suggestion_message(logged.suggestion))]
+        messages: list[_Timed] = [("/optimizer/suggestion", origin_ns, codec.encode_suggestion(logged.suggestion))]
         for pose in trial.poses:
             at_ns = origin_ns + _ns(pose.t_s)
-            messages.append(("/robot/tracking", at_ns, codec.tracking_message(pose)))
+            messages.append(("/robot/tracking", at_ns, codec.encode_tracking(pose)))
             if pose.is_finite:
-                messages.append(("/robot/pose", at_ns, codec.pose_message(pose, at_ns)))
+                messages.append(("/robot/pose", at_ns, codec.encode_pose(pose, at_ns)))
         messages += [
-            ("/motors/command", origin_ns + _ns(each.t_s), codec.command_message(each)) for each in trial.commands
+            ("/motors/command", origin_ns + _ns(each.t_s), codec.encode_command(each)) for each in trial.commands
         ]
-        messages += [("/motors/state", origin_ns + _ns(each.t_s), codec.state_message(each)) for each in trial.states]
-        messages.append(("/trial", end_ns, trial_message(logged)))
+        messages += [("/motors/state", origin_ns + _ns(each.t_s), codec.encode_state(each)) for each in trial.states]
+        messages.append(("/trial", end_ns, encode_trial(logged)))
         self._end_ns = end_ns
         return messages
 
@@ -182,8 +182,8 @@ class RunLog:
 def find_trial_span_ns(trial: Trial, after_ns: int) -> tuple[int, int]:
     """Return where a trial begins and ends in its log, in nanoseconds since 1970.
 
-    A twin runs faster than real time: a trial begins when it did or where the last one ended (``after_ns``), whichever
-    is later, or the log would fold over.
+    A twin runs faster than real time, so that the trials of a run would overlap: a trial begins at its wall time or at
+    the end of the last one (``after_ns``), whichever is later.
     """
     begin_ns = max(_ns(trial.started_unix_s), after_ns)
     recorded: Iterable[Pose | Command | MotorState] = (*trial.poses, *trial.commands, *trial.states)
@@ -191,10 +191,10 @@ def find_trial_span_ns(trial: Trial, after_ns: int) -> tuple[int, int]:
 
 
 def read_run(path: Path) -> Run:
-    """Return what a log holds, from the file or from the directory of its run. A torn log gives its complete trials.
+    """Return the contents of a log: the file, or the one in the directory of a run; of a torn log the complete trials.
 
     Raises:
-        UserError: the file is not there, is no log of a run, is damaged, or was written by a newer version.
+        UserError: the file does not exist, is not the log of a run, is damaged, or was written by a newer version.
     """
     path = path / LOG_NAME if path.is_dir() else path
     with _open(path) as file:
@@ -202,11 +202,11 @@ def read_run(path: Path) -> Run:
 
 
 def _parse(data: bytes, path: Path) -> tuple[Run, bool]:
-    """Return what the bytes of a log hold, and whether they stop in the middle of something."""
+    """Return the contents of a log, and whether it was cut off."""
     contents = _Contents(path)
     torn = False
     try:
-        for topic, payload in entries(data):
+        for topic, payload in read_entries(data):
             contents.take(topic, payload)
     except TornFile:
         torn = True
@@ -234,13 +234,13 @@ class _Contents:
             case "/run":
                 self._begin(pb.Run.FromString(payload))
             case "/optimizer/suggestion":
-                self.suggestion = codec.suggestion_from(pb.Suggestion.FromString(payload))
+                self.suggestion = codec.decode_suggestion(pb.Suggestion.FromString(payload))
             case "/robot/tracking":
-                self.poses.append(codec.tracking_from(pb.Tracking.FromString(payload)))
+                self.poses.append(codec.decode_tracking(pb.Tracking.FromString(payload)))
             case "/motors/command":
-                self.commands.append(codec.command_from(pb.Command.FromString(payload)))
+                self.commands.append(codec.decode_command(pb.Command.FromString(payload)))
             case "/motors/state":
-                self.states.append(codec.state_from(pb.MotorState.FromString(payload)))
+                self.states.append(codec.decode_state(pb.MotorState.FromString(payload)))
             case "/trial":
                 self._end_trial(pb.Trial.FromString(payload))
 
@@ -255,12 +255,12 @@ class _Contents:
             raise UserError(
                 f"{self.path} has log format {message.format}, but this version reads up to {FORMAT}: upgrade vvvaltr"
             )
-        self.head, self.format = codec.run_from(message), message.format
+        self.head, self.format = codec.decode_run(message), message.format
 
     def _end_trial(self, message: pb.Trial) -> None:
         if self.suggestion is None:
             raise ValueError(f"trial {message.number} has no suggestion")
-        logged = trial_from(message, self.suggestion, self.poses, self.commands, self.states)
+        logged = decode_trial(message, self.suggestion, self.poses, self.commands, self.states)
         self.trials.append(_with_movement(logged) if self.format == 1 else logged)
         self.suggestion, self.poses, self.commands, self.states = None, [], [], []
 
@@ -278,4 +278,4 @@ def _open(path: Path) -> IO[bytes]:
     try:
         return path.open("rb")
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}: name the directory of a run, or its {LOG_NAME}") from error
+        raise UserError(f"{path}: {error.strerror}; name the directory of a run, or its {LOG_NAME}") from error

@@ -18,7 +18,7 @@ from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_er
 from vvvaltr.controller.core.protocols import Observer, Optimizer
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
 from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity, Source
-from vvvaltr.controller.loop.learn import Budget, learn, source_from
+from vvvaltr.controller.loop.learn import Budget, learn, make_source
 from vvvaltr.controller.loop.summary import summarise
 from vvvaltr.controller.robot.choice import option
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
@@ -34,7 +34,7 @@ class RunDirectory:
         self.path = path
         self.config = config
         self.optimizer = optimizer
-        self.space = search_space(config, rig.robot.motors.motor_count)
+        self.space = make_search_space(config, rig.robot.motors.motor_count)
         self.trials = list(logged.trials)
         self._rig = rig
         self._log = log
@@ -42,10 +42,10 @@ class RunDirectory:
 
     @classmethod
     def create(cls, path: Path, asked: dict[str, Any]) -> RunDirectory:
-        """Begin a new run in ``path`` with what was asked for, keyed as in RunConfig.
+        """Begin a new run in ``path``; ``asked`` holds the user's choices, keyed as in RunConfig.
 
         Raises:
-            UserError: something asked for is impossible, or ``path`` exists; nothing has been written.
+            UserError: a choice is impossible, or ``path`` exists; nothing has been written.
             DeviceError: the robot cannot be opened.
         """
         if not path.name:
@@ -66,22 +66,22 @@ class RunDirectory:
 
     @classmethod
     def resume(cls, path: Path, asked: dict[str, Any]) -> RunDirectory:
-        """Open the run in ``path`` to go on with it; a torn log is recovered.
+        """Open the run in ``path`` for more trials; a torn log is recovered.
 
         Raises:
-            UserError: there is no run, or it differs from what was asked for; nothing has been written.
+            UserError: there is no run, or ``asked`` differs from it; nothing has been written.
             DeviceError: the robot cannot be opened.
         """
         stored = load_config(path)
         refuse_difference(stored, asked)
         config = msgspec.structs.replace(stored, trials=asked.get("trials", stored.trials))
         sources = read_run(path / LOG_NAME).sources
-        with _errors_of(path / "run.toml"):
-            _budget(config)
+        with _blame(path / "run.toml"):
+            _make_budget(config)
             rig = open_rig(config.robot, config.seed)
         with ExitStack() as undo:
             undo.callback(rig.robot.close)
-            with _errors_of(path / "run.toml"):
+            with _blame(path / "run.toml"):
                 _check_motors(config, rig, str)
                 optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
             log, logged = RunLog.recover(path / LOG_NAME)
@@ -92,17 +92,17 @@ class RunDirectory:
 
     @property
     def logged(self) -> Run:
-        """What the log holds."""
+        """The contents of the log."""
         return replace(self._head, trials=tuple(self.trials))
 
     def learn(self, observers: Sequence[Observer] = ()) -> Iterator[LoggedTrial]:
-        """Make the trials that are still to be made; see ``vvvaltr.controller.loop.learn.learn`` for what is raised.
+        """Make the remaining trials; see ``vvvaltr.controller.loop.learn.learn`` for what is raised.
 
-        ``observers`` are told of each trial once it is in the log, and `summary.json` is brought up to date first.
+        ``observers`` are told of each trial once it is in the log and in `summary.json`.
         """
         settings = replace(self._rig.settings, duration_s=self.config.duration_s)
         history, all_observers = tuple(self.trials), [_Summary(self), *observers]
-        budget = _budget(self.config)
+        budget = _make_budget(self.config)
         return learn(self._rig.robot, self.optimizer, settings, budget, self._record, history, all_observers)
 
     def summarise(self) -> dict[str, Any]:
@@ -113,7 +113,7 @@ class RunDirectory:
         return result
 
     def close(self) -> None:
-        """Stop the motors, let go of the robot and close the log."""
+        """Stop the motors, close the robot and close the log."""
         with closing(self._log), closing(self._rig.robot):
             pass
 
@@ -144,28 +144,28 @@ def load_source(path: Path, score_name: str) -> Source:
     """
     log = path / LOG_NAME if path.is_dir() else path
     with one_line_errors():
-        return source_from(str(path), read_run(log).trials, score_name)
+        return make_source(str(path), read_run(log).trials, score_name)
 
 
-def search_space(config: RunConfig, motor_count: int) -> GaitSpace:
-    """Return the gaits that the run searches."""
+def make_search_space(config: RunConfig, motor_count: int) -> GaitSpace:
+    """Return the gaits that the run may try."""
     return GaitSpace.over(motor_count, *config.range_hz, tuple(map(Quantity, config.optimise)))
 
 
 def build_optimizer(config: RunConfig, motor_count: int, sources: Sequence[Source]) -> Optimizer:
     """Return the run's optimiser before its first trial. Raises UserError if method, sources and space do not fit."""
     with one_line_errors():
-        return make_optimizer(config.method, search_space(config, motor_count), config.seed, sources)
+        return make_optimizer(config.method, make_search_space(config, motor_count), config.seed, sources)
 
 
-def _budget(config: RunConfig) -> Budget:
+def _make_budget(config: RunConfig) -> Budget:
     with one_line_errors():
         return Budget(config.trials, config.score, config.confirm, config.stop_below_m_s)
 
 
 @contextmanager
-def _errors_of(path: Path) -> Iterator[None]:
-    """Name the file that is to blame for what is wrong."""
+def _blame(path: Path) -> Iterator[None]:
+    """Name the file at fault in front of every error."""
     try:
         yield
     except (UserError, ValueError) as error:
@@ -180,7 +180,7 @@ def _describe(config: RunConfig) -> dict[str, str]:
 
 def _refuse_existing(path: Path) -> None:
     if path.exists():
-        raise UserError(f"{path} exists: choose another --out, or go on with it by --resume {path}")
+        raise UserError(f"{path} exists: choose another --out, or continue it with --resume {path}")
 
 
 def _begin(path: Path, config: RunConfig, head: Run) -> RunLog:
@@ -198,7 +198,7 @@ def _begin(path: Path, config: RunConfig, head: Run) -> RunLog:
 
 
 def _complete(asked: dict[str, Any], rig: Rig) -> RunConfig:
-    """Return the whole configuration: what was asked for, and the defaults."""
+    """Return the complete configuration: the user's choices, and defaults for the rest."""
     usual = {
         "method": "guarded" if asked.get("sources") else "plain",
         "sources": (),
@@ -212,13 +212,13 @@ def _complete(asked: dict[str, Any], rig: Rig) -> RunConfig:
     config = RunConfig(**{**usual, **asked})
     with one_line_errors():
         check_config(config, option)
-        _budget(config)
+        _make_budget(config)
         _check_motors(config, rig, option)
     return config
 
 
 def _check_motors(config: RunConfig, rig: Rig, spell: Callable[[str], str]) -> None:
-    """Raise ValueError for what the robot's motors cannot do; ``spell`` as in ``check_config``."""
+    """Raise ValueError for frequencies or quantities beyond the robot's motors; ``spell`` as in ``check_config``."""
     motors = rig.robot.motors
     try:
         for frequency_hz in config.range_hz:

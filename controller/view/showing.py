@@ -7,7 +7,7 @@ from pathlib import Path
 from vvvaltr.controller.core.records import Run
 from vvvaltr.controller.runs.config import CONFIG_NAME, load_config
 from vvvaltr.controller.runs.log import read_run
-from vvvaltr.controller.runs.run import RunDirectory, build_optimizer, search_space
+from vvvaltr.controller.runs.run import RunDirectory, build_optimizer, make_search_space
 from vvvaltr.controller.view.recording import LiveView, save_recording, show
 from vvvaltr.controller.view.speed_maps import Learned
 
@@ -41,4 +41,4 @@ def _learned(path: Path, run: Run) -> Learned | None:
     optimizer = build_optimizer(config, motor_count, run.sources)
     for gait, score in scored:
         optimizer.tell(gait, score)
-    return Learned(search_space(config, motor_count), optimizer.predict)
+    return Learned(make_search_space(config, motor_count), optimizer.predict)

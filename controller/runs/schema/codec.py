@@ -1,6 +1,6 @@
 """Nouns to messages and back, without loss: what is read equals what was written.
 
-Each ``..._from`` raises ValueError where a message holds what no run writes.
+Each ``decode_...`` raises ValueError where a message holds what no run writes.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ from vvvaltr.controller.core.values import (
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 
 
-def gait_message(gait: Gait) -> pb.Gait:
+def encode_gait(gait: Gait) -> pb.Gait:
     """Return the message of a gait."""
     return pb.Gait(frequency_hz=gait.frequency_hz, phase_rad=gait.phase_rad, amplitude=gait.amplitude)
 
 
-def gait_from(message: pb.Gait) -> Gait:
+def decode_gait(message: pb.Gait) -> Gait:
     """Return the gait of a message."""
     return Gait(tuple(message.frequency_hz), tuple(message.phase_rad), tuple(message.amplitude))
 
 
-def estimate_message(estimate: Estimate) -> pb.Estimate:
+def encode_estimate(estimate: Estimate) -> pb.Estimate:
     """Return the message of an estimate."""
     return pb.Estimate(mean_m_s=estimate.mean, low_m_s=estimate.low, high_m_s=estimate.high)
 
 
-def estimate_from(message: pb.Estimate) -> Estimate:
+def decode_estimate(message: pb.Estimate) -> Estimate:
     """Return the estimate of a message."""
     return Estimate(message.mean_m_s, message.low_m_s, message.high_m_s)
 
 
-def _structure_message(structure: Structure) -> pb.Structure:
+def _encode_structure(structure: Structure) -> pb.Structure:
     terrain = structure.terrain
     return pb.Structure(
         struts=[pb.Edge(first=first, second=second) for first, second in structure.struts],
@@ -66,16 +66,16 @@ def _structure_message(structure: Structure) -> pb.Structure:
     )
 
 
-def _structure_from(message: pb.Structure) -> Structure:
+def _decode_structure(message: pb.Structure) -> Structure:
     return Structure(
         tuple((edge.first, edge.second) for edge in message.struts),
         tuple((edge.first, edge.second) for edge in message.springs),
         tuple(message.motor_struts),
-        _terrain_from(message.terrain) if message.HasField("terrain") else None,
+        _decode_terrain(message.terrain) if message.HasField("terrain") else None,
     )
 
 
-def _terrain_from(message: pb.Terrain) -> Terrain:
+def _decode_terrain(message: pb.Terrain) -> Terrain:
     columns = len(message.y_m)
     if len(message.height_m) != len(message.x_m) * columns:
         raise ValueError(f"{len(message.height_m)} heights on a grid of {len(message.x_m)} by {columns}")
@@ -83,45 +83,45 @@ def _terrain_from(message: pb.Terrain) -> Terrain:
     return Terrain(tuple(message.x_m), tuple(message.y_m), tuple(rows))
 
 
-def run_message(version: int, head: Run) -> pb.Run:
+def encode_run(version: int, head: Run) -> pb.Run:
     """Return the message that begins a log of the given format version; the trials are no part of it."""
     return pb.Run(
         format=version,
-        structure=None if head.structure is None else _structure_message(head.structure),
+        structure=None if head.structure is None else _encode_structure(head.structure),
         sources=[
-            pb.Source(name=source.name, gaits=map(gait_message, source.gaits), scores_m_s=source.scores)
+            pb.Source(name=source.name, gaits=map(encode_gait, source.gaits), scores_m_s=source.scores)
             for source in head.sources
         ],
         about=head.about,
     )
 
 
-def run_from(message: pb.Run) -> Run:
+def decode_run(message: pb.Run) -> Run:
     """Return the run that a message begins, without trials."""
-    structure = _structure_from(message.structure) if message.HasField("structure") else None
-    sources = (Source(it.name, tuple(map(gait_from, it.gaits)), tuple(it.scores_m_s)) for it in message.sources)
+    structure = _decode_structure(message.structure) if message.HasField("structure") else None
+    sources = (Source(it.name, tuple(map(decode_gait, it.gaits)), tuple(it.scores_m_s)) for it in message.sources)
     return Run(structure, tuple(sources), about=dict(message.about))
 
 
-def suggestion_message(suggestion: Suggestion) -> pb.Suggestion:
+def encode_suggestion(suggestion: Suggestion) -> pb.Suggestion:
     """Return the message of a suggestion."""
     return pb.Suggestion(
-        gait=gait_message(suggestion.gait),
+        gait=encode_gait(suggestion.gait),
         origin=suggestion.origin,
-        expected=None if suggestion.expected is None else estimate_message(suggestion.expected),
+        expected=None if suggestion.expected is None else encode_estimate(suggestion.expected),
         hyperparameters=suggestion.hyperparameters,
         phase=suggestion.phase.value,
     )
 
 
-def suggestion_from(message: pb.Suggestion) -> Suggestion:
+def decode_suggestion(message: pb.Suggestion) -> Suggestion:
     """Return the suggestion of a message."""
-    expected = estimate_from(message.expected) if message.HasField("expected") else None
-    phase = Phase(message.phase) if message.phase else _phase_before_format_2(message.origin)
-    return Suggestion(gait_from(message.gait), message.origin, expected, dict(message.hyperparameters), phase)
+    expected = decode_estimate(message.expected) if message.HasField("expected") else None
+    phase = Phase(message.phase) if message.phase else _infer_phase(message.origin)
+    return Suggestion(decode_gait(message.gait), message.origin, expected, dict(message.hyperparameters), phase)
 
 
-def _phase_before_format_2(origin: str) -> Phase:
+def _infer_phase(origin: str) -> Phase:
     """Return the phase of a trial whose log has no field for it: only the origin told."""
     return Phase.CONFIRMATION if origin == "confirmation" else Phase.SEARCH
 
@@ -132,7 +132,7 @@ def finite(number: float, name: str) -> float:
     return number
 
 
-def tracking_message(pose: Pose) -> pb.Tracking:
+def encode_tracking(pose: Pose) -> pb.Tracking:
     """Return the message of a pose, with all that is known of it."""
     x_m, y_m, z_m = pose.position_m
     return pb.Tracking(
@@ -144,12 +144,12 @@ def tracking_message(pose: Pose) -> pb.Tracking:
         pitch_rad=pose.pitch_rad,
         roll_rad=pose.roll_rad,
         markers_m=chain.from_iterable(pose.markers_m),
-        forces=None if pose.forces is None else _forces_message(pose.forces),
+        forces=None if pose.forces is None else _encode_forces(pose.forces),
         uncertainty_m=pose.uncertainty_m,
     )
 
 
-def tracking_from(message: pb.Tracking) -> Pose:
+def decode_tracking(message: pb.Tracking) -> Pose:
     """Return the pose of a message."""
     return Pose(
         finite(message.t_s, "t_s"),
@@ -157,13 +157,13 @@ def tracking_from(message: pb.Tracking) -> Pose:
         message.yaw_rad,
         message.pitch_rad,
         message.roll_rad,
-        _vectors(message.markers_m),
-        _forces_from(message.forces) if message.HasField("forces") else None,
+        _group_vectors(message.markers_m),
+        _decode_forces(message.forces) if message.HasField("forces") else None,
         finite(message.uncertainty_m, "uncertainty_m") if message.HasField("uncertainty_m") else None,
     )
 
 
-def _forces_message(forces: Forces) -> pb.Forces:
+def _encode_forces(forces: Forces) -> pb.Forces:
     return pb.Forces(
         tensions_n=forces.tensions_n,
         motors_n=chain.from_iterable(forces.motors_n),
@@ -172,29 +172,29 @@ def _forces_message(forces: Forces) -> pb.Forces:
     )
 
 
-def _forces_from(message: pb.Forces) -> Forces:
+def _decode_forces(message: pb.Forces) -> Forces:
     return Forces(
         tuple(message.tensions_n),
-        _vectors(message.motors_n),
-        _vectors(message.contacts_m),
-        _vectors(message.contacts_n),
+        _group_vectors(message.motors_n),
+        _group_vectors(message.contacts_m),
+        _group_vectors(message.contacts_n),
     )
 
 
-def _vectors(numbers: Sequence[float]) -> tuple[Vector, ...]:
+def _group_vectors(numbers: Sequence[float]) -> tuple[Vector, ...]:
     each = iter(numbers)
     return tuple(zip(each, each, each, strict=True))
 
 
-def pose_message(pose: Pose, time_ns: int) -> PoseInFrame:
-    """Return a pose as Foxglove and Rerun draw it unaided: position and quaternion in the frame ``world``.
+def encode_pose(pose: Pose, time_ns: int) -> PoseInFrame:
+    """Return a pose as Foxglove and Rerun draw it unaided: position and to_quaternion in the frame ``world``.
 
     Args:
         pose: the pose.
         time_ns: when, in nanoseconds since 1970.
     """
     x_m, y_m, z_m = pose.position_m
-    x, y, z, w = quaternion(pose)
+    x, y, z, w = to_quaternion(pose)
     return PoseInFrame(
         timestamp=Timestamp(seconds=time_ns // 10**9, nanos=time_ns % 10**9),
         frame_id="world",
@@ -202,7 +202,7 @@ def pose_message(pose: Pose, time_ns: int) -> PoseInFrame:
     )
 
 
-def quaternion(pose: Pose) -> tuple[float, float, float, float]:
+def to_quaternion(pose: Pose) -> tuple[float, float, float, float]:
     """Return x, y, z, w of the pose's intrinsic z-y'-x'' angles."""
     half_yaw, half_pitch, half_roll = pose.yaw_rad / 2, pose.pitch_rad / 2, pose.roll_rad / 2
     cy, sy, cp, sp, cr, sr = (f(a) for a in (half_yaw, half_pitch, half_roll) for f in (cos, sin))
@@ -214,17 +214,17 @@ def quaternion(pose: Pose) -> tuple[float, float, float, float]:
     )
 
 
-def command_message(command: Command) -> pb.Command:
+def encode_command(command: Command) -> pb.Command:
     """Return the message of a command."""
-    return pb.Command(t_s=command.t_s, gait=gait_message(command.gait), hold_s=command.hold_s)
+    return pb.Command(t_s=command.t_s, gait=encode_gait(command.gait), hold_s=command.hold_s)
 
 
-def command_from(message: pb.Command) -> Command:
+def decode_command(message: pb.Command) -> Command:
     """Return the command of a message."""
-    return Command(finite(message.t_s, "t_s"), gait_from(message.gait), message.hold_s)
+    return Command(finite(message.t_s, "t_s"), decode_gait(message.gait), message.hold_s)
 
 
-def state_message(state: MotorState) -> pb.MotorState:
+def encode_state(state: MotorState) -> pb.MotorState:
     """Return the message of the motors' state."""
     return pb.MotorState(
         t_s=state.t_s,
@@ -235,7 +235,7 @@ def state_message(state: MotorState) -> pb.MotorState:
     )
 
 
-def state_from(message: pb.MotorState) -> MotorState:
+def decode_state(message: pb.MotorState) -> MotorState:
     """Return the motors' state of a message."""
     return MotorState(
         finite(message.t_s, "t_s"),

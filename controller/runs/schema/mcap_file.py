@@ -27,15 +27,15 @@ _WRONG = (McapError, struct.error, ValueError, OverflowError, KeyError)
 
 
 class TornFile(Exception):
-    """The file was never finished, and stops in the middle of something."""
+    """The file was never finished, and its last record is incomplete."""
 
 
 class DamagedFile(Exception):
-    """The file is no MCAP file, or not what was written."""
+    """The file is not an MCAP file, or its bytes have changed."""
 
 
 class NewFile:
-    """A locked, unbuffered new file: after a failed write nothing is left over that closing it would write again."""
+    """A locked, unbuffered new file: after a failed write, closing it writes nothing."""
 
     def __init__(self, path: Path) -> None:
         self._file = FileIO(path, "x")
@@ -70,11 +70,15 @@ class NewFile:
 
 
 def lock(file: IO[bytes] | FileIO, path: Path) -> None:
-    """Keep other processes from writing to an open file until it is closed. Raises UserError if one does already."""
+    """Keep other processes from writing to an open file until it is closed.
+
+    Raises:
+        UserError: another process is writing to it.
+    """
     try:
         fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise UserError(f"{path} is being written by another process: let it end, or stop it first") from error
+        raise UserError(f"{path} is being written by another process; wait for it, or stop it") from error
     except OSError:
         pass  # a file system without locks; the log itself needs none
 
@@ -97,15 +101,15 @@ def _collect(file: FileDescriptor, files: dict[str, FileDescriptor]) -> None:
     files.setdefault(file.name, file)
 
 
-def entries(data: bytes) -> Iterator[tuple[str, bytes]]:
+def read_entries(data: bytes) -> Iterator[tuple[str, bytes]]:
     """Yield topic and payload of every message in a file, in the order in which they were written.
 
     Raises:
-        TornFile: the end is missing. All that came before it has been yielded.
-        DamagedFile: it is no MCAP file, or bytes are wrong in front of others that are right.
+        TornFile: the end is missing. All complete messages have been yielded.
+        DamagedFile: it is not an MCAP file, or wrong bytes precede right ones.
     """
     if not data.startswith(MCAP0_MAGIC):
-        raise DamagedFile("no MCAP file")
+        raise DamagedFile("not an MCAP file")
     topics: dict[int, str] = {}
     stream = BytesIO(data)
     whole, wrong = 0, False

@@ -1,6 +1,6 @@
 """The message that ends a trial, and back, without loss.
 
-Each ``..._from`` raises ValueError where a message holds what no run writes.
+``decode_trial`` raises ValueError where a message holds what no run writes.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from vvvaltr.controller.core.records import (
 )
 from vvvaltr.controller.core.values import Command, MotorState, Outcome, Pose, Recommendation, Suggestion, Trial
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
-from vvvaltr.controller.runs.schema.codec import estimate_from, estimate_message, gait_from, gait_message
+from vvvaltr.controller.runs.schema.codec import decode_estimate, decode_gait, encode_estimate, encode_gait
 
 _Value = TypeVar("_Value")
 _Message = TypeVar("_Message")
 
 
-def trial_message(logged: LoggedTrial) -> pb.Trial:
+def encode_trial(logged: LoggedTrial) -> pb.Trial:
     """Return the message that ends a trial: its outcome, and all that was made of it."""
     trial = logged.trial
     return pb.Trial(
         number=trial.number,
-        gait=gait_message(trial.gait),
+        gait=encode_gait(trial.gait),
         outcome=trial.outcome.value,
         reason=trial.reason,
         started_unix_s=trial.started_unix_s,
         duration_s=trial.duration_s,
         score_m_s=logged.score,
-        recommendation=_where_known(logged.recommendation, _recommendation_message),
-        movement=_where_known(logged.movement, _movement_message),
-        applied=_where_known(logged.applied, _applied_message),
-        conditions=_conditions_message(trial.conditions) if trial.conditions != Conditions() else None,
-        review=_review_message(logged.review) if logged.review != Review() else None,
-        fit=_where_known(logged.fit, _fit_message),
-        steering=_where_known(logged.steering, _steering_message),
+        recommendation=_where_known(logged.recommendation, _encode_recommendation),
+        movement=_where_known(logged.movement, _encode_movement),
+        applied=_where_known(logged.applied, _encode_applied),
+        conditions=_encode_conditions(trial.conditions) if trial.conditions != Conditions() else None,
+        review=_encode_review(logged.review) if logged.review != Review() else None,
+        fit=_where_known(logged.fit, _encode_fit),
+        steering=_where_known(logged.steering, _encode_steering),
     )
 
 
-def trial_from(
+def decode_trial(
     message: pb.Trial,
     suggestion: Suggestion,
     poses: Iterable[Pose],
@@ -59,7 +59,7 @@ def trial_from(
     """Return the trial that a message ends, with what was recorded before it."""
     trial = Trial(
         message.number,
-        gait_from(message.gait),
+        decode_gait(message.gait),
         Outcome(message.outcome),
         message.reason,
         message.started_unix_s,
@@ -67,18 +67,18 @@ def trial_from(
         tuple(poses),
         tuple(commands),
         tuple(states),
-        _conditions_from(message.conditions),
+        _decode_conditions(message.conditions),
     )
     return LoggedTrial(
         suggestion,
         trial,
         message.score_m_s if message.HasField("score_m_s") else None,
-        _recommendation_from(message.recommendation) if message.HasField("recommendation") else None,
-        _movement_from(message.movement) if message.HasField("movement") else None,
-        _applied_from(message.applied) if message.HasField("applied") else None,
-        _review_from(message.review),
-        _fit_from(message.fit) if message.HasField("fit") else None,
-        _steering_from(message.steering) if message.HasField("steering") else None,
+        _decode_recommendation(message.recommendation) if message.HasField("recommendation") else None,
+        _decode_movement(message.movement) if message.HasField("movement") else None,
+        _decode_applied(message.applied) if message.HasField("applied") else None,
+        _decode_review(message.review),
+        _decode_fit(message.fit) if message.HasField("fit") else None,
+        _decode_steering(message.steering) if message.HasField("steering") else None,
     )
 
 
@@ -86,43 +86,43 @@ def _where_known(value: _Value | None, encode: Callable[[_Value], _Message]) -> 
     return None if value is None else encode(value)
 
 
-def _recommendation_message(best: Recommendation) -> pb.Recommendation:
-    return pb.Recommendation(gait=gait_message(best.gait), estimate=estimate_message(best.estimate))
+def _encode_recommendation(best: Recommendation) -> pb.Recommendation:
+    return pb.Recommendation(gait=encode_gait(best.gait), estimate=encode_estimate(best.estimate))
 
 
-def _recommendation_from(message: pb.Recommendation) -> Recommendation:
-    return Recommendation(gait_from(message.gait), estimate_from(message.estimate))
+def _decode_recommendation(message: pb.Recommendation) -> Recommendation:
+    return Recommendation(decode_gait(message.gait), decode_estimate(message.estimate))
 
 
-def _applied_message(applied: AppliedFrequencies) -> pb.AppliedFrequencies:
+def _encode_applied(applied: AppliedFrequencies) -> pb.AppliedFrequencies:
     return pb.AppliedFrequencies(mean_hz=applied.mean_hz, measured=applied.measured)
 
 
-def _applied_from(message: pb.AppliedFrequencies) -> AppliedFrequencies:
+def _decode_applied(message: pb.AppliedFrequencies) -> AppliedFrequencies:
     return AppliedFrequencies(tuple(message.mean_hz), message.measured)
 
 
-def _fit_message(fit: Fit) -> pb.Fit:
+def _encode_fit(fit: Fit) -> pb.Fit:
     return pb.Fit(hyperparameters=fit.hyperparameters, is_new=fit.is_new)
 
 
-def _fit_from(message: pb.Fit) -> Fit:
+def _decode_fit(message: pb.Fit) -> Fit:
     return Fit(dict(message.hyperparameters), message.is_new)
 
 
-def _movement_message(movement: Movement) -> pb.Movement:
+def _encode_movement(movement: Movement) -> pb.Movement:
     return pb.Movement(
-        start=_rest_message(movement.start),
-        end=_rest_message(movement.end),
-        displacement=_displacement_message(movement.displacement),
+        start=_encode_rest(movement.start),
+        end=_encode_rest(movement.end),
+        displacement=_encode_displacement(movement.displacement),
     )
 
 
-def _movement_from(message: pb.Movement) -> Movement:
-    return Movement(_rest_from(message.start), _rest_from(message.end), _displacement_from(message.displacement))
+def _decode_movement(message: pb.Movement) -> Movement:
+    return Movement(_decode_rest(message.start), _decode_rest(message.end), _decode_displacement(message.displacement))
 
 
-def _rest_message(rest: RestingPose) -> pb.RestingPose:
+def _encode_rest(rest: RestingPose) -> pb.RestingPose:
     x_m, y_m, z_m = rest.position_m
     return pb.RestingPose(
         x_m=x_m,
@@ -137,7 +137,7 @@ def _rest_message(rest: RestingPose) -> pb.RestingPose:
     )
 
 
-def _rest_from(message: pb.RestingPose) -> RestingPose:
+def _decode_rest(message: pb.RestingPose) -> RestingPose:
     return RestingPose(
         (message.x_m, message.y_m, message.z_m),
         message.yaw_rad,
@@ -149,15 +149,15 @@ def _rest_from(message: pb.RestingPose) -> RestingPose:
     )
 
 
-def _displacement_message(displacement: Displacement) -> pb.Displacement:
+def _encode_displacement(displacement: Displacement) -> pb.Displacement:
     return pb.Displacement(forward_m=displacement.forward_m, left_m=displacement.left_m, turn_rad=displacement.turn_rad)
 
 
-def _displacement_from(message: pb.Displacement) -> Displacement:
+def _decode_displacement(message: pb.Displacement) -> Displacement:
     return Displacement(message.forward_m, message.left_m, message.turn_rad)
 
 
-def _conditions_message(conditions: Conditions) -> pb.Conditions:
+def _encode_conditions(conditions: Conditions) -> pb.Conditions:
     return pb.Conditions(
         session_s=conditions.session_s,
         battery_v=conditions.battery_v,
@@ -168,7 +168,7 @@ def _conditions_message(conditions: Conditions) -> pb.Conditions:
     )
 
 
-def _conditions_from(message: pb.Conditions) -> Conditions:
+def _decode_conditions(message: pb.Conditions) -> Conditions:
     return Conditions(
         message.session_s if message.HasField("session_s") else None,
         message.battery_v if message.HasField("battery_v") else None,
@@ -179,7 +179,7 @@ def _conditions_from(message: pb.Conditions) -> Conditions:
     )
 
 
-def _review_message(review: Review) -> pb.Review:
+def _encode_review(review: Review) -> pb.Review:
     return pb.Review(
         notes=review.notes,
         verdict=review.verdict.value if review.verdict else "",
@@ -189,7 +189,7 @@ def _review_message(review: Review) -> pb.Review:
     )
 
 
-def _review_from(message: pb.Review) -> Review:
+def _decode_review(message: pb.Review) -> Review:
     return Review(
         message.notes,
         Verdict(message.verdict) if message.verdict else None,
@@ -199,24 +199,24 @@ def _review_from(message: pb.Review) -> Review:
     )
 
 
-def _steering_message(step: SteeringStep) -> pb.SteeringStep:
+def _encode_steering(step: SteeringStep) -> pb.SteeringStep:
     return pb.SteeringStep(
         goal_x_m=step.goal_m[0],
         goal_y_m=step.goal_m[1],
         goal_yaw_rad=step.goal_yaw_rad,
-        predicted=_displacement_message(step.predicted),
+        predicted=_encode_displacement(step.predicted),
         position_sd_m=step.position_sd_m,
         turn_sd_rad=step.turn_sd_rad,
-        plan=map(gait_message, step.plan),
+        plan=map(encode_gait, step.plan),
     )
 
 
-def _steering_from(message: pb.SteeringStep) -> SteeringStep:
+def _decode_steering(message: pb.SteeringStep) -> SteeringStep:
     return SteeringStep(
         (message.goal_x_m, message.goal_y_m),
         message.goal_yaw_rad if message.HasField("goal_yaw_rad") else None,
-        _displacement_from(message.predicted),
+        _decode_displacement(message.predicted),
         message.position_sd_m if message.HasField("position_sd_m") else None,
         message.turn_sd_rad if message.HasField("turn_sd_rad") else None,
-        tuple(map(gait_from, message.plan)),
+        tuple(map(decode_gait, message.plan)),
     )

@@ -6,7 +6,7 @@ from scripted import ScriptedRobot, raising
 from vvvaltr.controller.core.errors import TrackingLost, UserError
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Gait, GaitSpace, Outcome, Suggestion
-from vvvaltr.controller.loop.learn import Budget, learn, source_from
+from vvvaltr.controller.loop.learn import Budget, learn, make_source
 from vvvaltr.controller.loop.summary import summarise
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings
 from vvvaltr.transfer.methods.efficient_bo import EfficientBO
@@ -38,7 +38,7 @@ def test_the_loop_makes_its_trials_and_finds_the_fast_corner() -> None:
 def test_a_search_that_ends_for_want_of_improvement_has_a_trial_at_least() -> None:
     source_log: list[LoggedTrial] = []
     run(ScriptedRobot(), 5, source_log)
-    efficient = EfficientBO(SPACE, 1, [source_from("earlier", source_log, "net")])
+    efficient = EfficientBO(SPACE, 1, [make_source("earlier", source_log, "net")])
 
     log = list(learn(ScriptedRobot(), efficient, SETTINGS, Budget(9, stop_below=1e9), lambda _: None))
 
@@ -130,7 +130,7 @@ def test_a_source_is_the_valid_trials_scored_anew() -> None:
     log: list[LoggedTrial] = []
     run(robot, 3, log)
 
-    net, forward = source_from("flat", log, "net"), source_from("flat", log, "forward")
+    net, forward = make_source("flat", log, "net"), make_source("flat", log, "forward")
 
     assert len(net.gaits) == 3
     assert net.scores == forward.scores == tuple(logged.score for logged in log if logged.score is not None)
@@ -138,7 +138,7 @@ def test_a_source_is_the_valid_trials_scored_anew() -> None:
 
 def test_a_source_of_failures_alone_is_refused() -> None:
     with pytest.raises(ValueError, match="no valid trial"):
-        source_from("flat", [], "net")
+        make_source("flat", [], "net")
 
 
 class Constant:

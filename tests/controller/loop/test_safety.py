@@ -4,7 +4,7 @@ import pytest
 
 from vvvaltr.controller.core.errors import SafetyStop
 from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Pose, Quantity
-from vvvaltr.controller.loop.safety import Arena, GuardedMotors, HeadingGuard, Limits, arena_guard
+from vvvaltr.controller.loop.safety import Arena, GuardedMotors, HeadingGuard, Limits, make_arena_guard
 
 
 class Motors:
@@ -74,7 +74,7 @@ def test_a_motor_that_runs_away_ends_the_trial(applied: float) -> None:
 
 
 def test_leaving_the_arena_cuts_the_trial_short() -> None:
-    check = arena_guard(Arena((-0.5, 0.5), (-0.2, 0.2)))
+    check = make_arena_guard(Arena((-0.5, 0.5), (-0.2, 0.2)))
 
     check(Pose(0.0, (0.5, -0.2, 9.0)))
     with pytest.raises(SafetyStop, match=r"y = 0\.210 m") as stop:
@@ -84,9 +84,9 @@ def test_leaving_the_arena_cuts_the_trial_short() -> None:
 
 
 def test_leaving_the_arena_at_once_measures_nothing() -> None:
-    check = arena_guard(Arena((-0.5, 0.5), (-0.2, 0.2)))
+    check = make_arena_guard(Arena((-0.5, 0.5), (-0.2, 0.2)))
 
-    with pytest.raises(SafetyStop, match="put the robot into its middle") as stop:
+    with pytest.raises(SafetyStop, match="put it in the middle") as stop:
         check(Pose(0.05, (0.51, 0.0, 0.0)))
 
     assert stop.value.outcome is Outcome.FAULTED

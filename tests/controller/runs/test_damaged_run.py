@@ -148,7 +148,7 @@ def test_of_two_runs_begun_in_one_place_at_once_the_second_is_told_that_it_exist
 
     monkeypatch.setattr(Path, "rename", rename_later)
     with pytest.raises(
-        UserError, match=f"^{place} exists: choose another --out, or go on with it by --resume {place}$"
+        UserError, match=f"^{place} exists: choose another --out, or continue it with --resume {place}$"
     ):
         RunDirectory.create(place, {})
 

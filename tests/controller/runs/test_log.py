@@ -50,7 +50,7 @@ from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 from vvvaltr.controller.runs.schema.mcap_file import register
-from vvvaltr.controller.runs.schema.trial_codec import trial_from
+from vvvaltr.controller.runs.schema.trial_codec import decode_trial
 
 RUN = sample_run()
 
@@ -174,9 +174,9 @@ def test_a_pose_that_is_no_number_is_logged_for_the_record(tmp_path: Path) -> No
 )
 def test_a_number_that_is_not_finite_or_an_unknown_word_in_a_trial_is_refused(change: dict[str, object]) -> None:
     suggestion = Suggestion(Gait((1.0,)), "initial design")
-    trial_from(pb.Trial(outcome="completed"), suggestion, (), (), ())
+    decode_trial(pb.Trial(outcome="completed"), suggestion, (), (), ())
     with pytest.raises(ValueError, match=r"not a finite number|is not a valid Verdict"):
-        trial_from(pb.Trial(**{"outcome": "completed", **change}), suggestion, (), (), ())
+        decode_trial(pb.Trial(**{"outcome": "completed", **change}), suggestion, (), (), ())
 
 
 def test_the_log_says_what_made_it_to_any_mcap_program_and_after_a_recovery(tmp_path: Path) -> None:
@@ -235,7 +235,7 @@ angles = st.floats(-3.0, 3.0)
 
 @given(angles, angles, angles)
 def test_the_quaternion_turns_by_yaw_then_pitch_then_roll(yaw: float, pitch: float, roll: float) -> None:
-    ours = codec.quaternion(Pose(0.0, (0.0, 0.0, 0.0), yaw, pitch, roll))
+    ours = codec.to_quaternion(Pose(0.0, (0.0, 0.0, 0.0), yaw, pitch, roll))
     reference = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()
     assert ours == pytest.approx(tuple(math.copysign(1.0, np.dot(ours, reference)) * reference))
 
@@ -338,8 +338,8 @@ def test_a_log_that_is_being_written_cannot_be_recovered(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "no MCAP file"),
-        (b"started,gait,score\n", "no MCAP file"),
+        (b"", "not an MCAP file"),
+        (b"started,gait,score\n", "not an MCAP file"),
         (b"\x89MCAP0\r\n", "holds no run"),
     ],
 )
