@@ -1,4 +1,4 @@
-"""Scripted faults in the middle of learning: no motor may be left running, no spoilt trial be learned from.
+"""Random faults in the middle of learning: no motor may stay on, and no spoilt trial may be learned from.
 
 python -m benchmarks.faults --json
 """
@@ -31,12 +31,12 @@ from vvvaltr.drivers.mocking.faults import Fault, Kind
 _DURATION_S = 0.7
 _FAULTS_PER_RUN = 20
 _REST_S = 1.0
-_ATTEMPTS = 40  # to go on after a fault: the longest spoils 30 replies, and an attempt may ask for one
-_RAMP_S, _END_S = 0.35, 0.1  # of a trial, in which motors may be off
+_ATTEMPTS = 40  # to continue after a fault: the longest spoils 30 replies, and an attempt may ask for just one
+_RAMP_S, _END_S = 0.35, 0.1  # beginning and end of a trial, in which motors may be off
 
 
-def random_fault(dice: random.Random, device: str) -> Fault:
-    """Return a fault that begins at once. A qik cannot tell that a motor is stalled, so it is spared that."""
+def draw_fault(dice: random.Random, device: str) -> Fault:
+    """Return a fault that begins at once. A qik gets no stalled motor, because it cannot notice one."""
     kinds = [kind for kind in Kind if not (device == "qik" and kind is Kind.STALL)]
     return Fault(
         kind=dice.choice(kinds),
@@ -48,8 +48,8 @@ def random_fault(dice: random.Random, device: str) -> Fault:
     )
 
 
-def off_in_between_s(changes: Sequence[Change], duration_s: float) -> float:
-    """Return how long a motor was off within a trial that has just ended, but for its ramp and its very end."""
+def measure_off_s(changes: Sequence[Change], duration_s: float) -> float:
+    """Return how long, in seconds, a motor was off within a trial that has just ended, except in its ramp and end."""
     ends_s = [change.t_s for change in changes if change.are_all_off]
     if not ends_s:
         return duration_s
@@ -63,20 +63,20 @@ def off_in_between_s(changes: Sequence[Change], duration_s: float) -> float:
     return sum(max(0.0, until_s - since_s) for since_s, until_s in off)
 
 
-def suffer(device: str, faults: int, seed: int) -> Counter[str]:
-    """Learn on one device while it suffers, and return what happened, by name."""
+def count_events(device: str, faults: int, seed: int) -> Counter[str]:
+    """Learn on one device while faults happen, and count what happened, by name."""
     dice, counts = random.Random(f"{device} {seed}"), Counter[str]()
     with tempfile.TemporaryDirectory() as directory, ObservedDevice(device, Path(directory, "port")) as observed:
         file = observed.robot_file
         file.write_text(file.read_text(encoding="utf-8").replace("settle_s = 0.3", "settle_s = 0.1"), encoding="utf-8")
         for number in range(faults):
             path = Path(directory, f"run{number // _FAULTS_PER_RUN}")
-            fault = random_fault(dice, device)
+            fault = draw_fault(dice, device)
             timer = threading.Timer(dice.uniform(0.2, 1.6), observed.befall, (fault,))
             timer.start()
             spoilt = counts["spoilt_trials_learned_from"]
             counts[f"fault_{fault.kind}"] += 1
-            counts += _learned(path, observed, number % _FAULTS_PER_RUN + 2)
+            counts += _learn(path, observed, number % _FAULTS_PER_RUN + 2)
             timer.join()
             if counts["spoilt_trials_learned_from"] > spoilt:
                 print(f"{device}: spoilt by {fault}", flush=True)
@@ -87,19 +87,19 @@ def suffer(device: str, faults: int, seed: int) -> Counter[str]:
     return counts
 
 
-def _learned(path: Path, observed: ObservedDevice, trials: int) -> Counter[str]:
-    """Go on with a run until it has so many valid trials, resuming it as often as it ends before."""
+def _learn(path: Path, observed: ObservedDevice, trials: int) -> Counter[str]:
+    """Learn until a run has ``trials`` valid trials, resuming it whenever it ends before."""
     counts: Counter[str] = Counter()
     for _ in range(_ATTEMPTS):
         try:
             asked = {"trials": trials, "duration_s": _DURATION_S, "robot": {"name": str(observed.robot_file)}}
             run = RunDirectory.resume(path, {"trials": trials}) if path.exists() else RunDirectory.create(path, asked)
         except (DeviceError, TrackingLost):
-            counts["opening_failed"] += 1  # the fault lasts; an operator would try again
+            counts["opening_failed"] += 1  # the fault is still there; an operator would try again
             time.sleep(0.2)
             continue
         with closing(run):
-            counts += _watched(run, observed)
+            counts += _watch(run, observed)
         if sum(logged.score is not None for logged in run.trials) >= trials:
             return counts
         counts["resumed"] += 1
@@ -107,18 +107,18 @@ def _learned(path: Path, observed: ObservedDevice, trials: int) -> Counter[str]:
     return counts
 
 
-def _watched(run: RunDirectory, observed: ObservedDevice) -> Counter[str]:
+def _watch(run: RunDirectory, observed: ObservedDevice) -> Counter[str]:
     counts: Counter[str] = Counter()
     observed.note()
     try:
         for logged in run.learn():
             counts[f"trials_{logged.trial.outcome}"] += 1
-            off_s = off_in_between_s(observed.note().changes, logged.trial.duration_s)
+            off_s = measure_off_s(observed.note().changes, logged.trial.duration_s)
             if logged.score is not None and off_s > 0.1:
                 counts["spoilt_trials_learned_from"] += 1
                 print(f"spoilt: {run.config.robot.name} trial {logged.trial.number}: off for {off_s:.2f} s", flush=True)
     except UserError:
-        counts["gave_up"] += 1  # after several failures in a row, for somebody to look at the robot
+        counts["gave_up"] += 1  # after several failures in a row, so that somebody looks at the robot
     except TrialCrashed:
         counts["crashed"] += 1
     return counts
@@ -128,12 +128,12 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
-    parser.add_argument("--faults", type=int, default=1000, help="over all devices (default 1000)")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--faults", type=int, default=1000, help="number of faults over all devices (default 1000)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the faults (default 0)")
     arguments = parser.parse_args()
     share = -(-arguments.faults // len(DEVICES))
     with ProcessPoolExecutor(len(DEVICES), mp_context=get_context("spawn")) as pool:
-        counts = list(pool.map(partial(suffer, faults=share, seed=arguments.seed), DEVICES))
+        counts = list(pool.map(partial(count_events, faults=share, seed=arguments.seed), DEVICES))
     bad = ("motors_left_running", "spoilt_trials_learned_from", "not_resumable", "crashed")
     figures = {"faults": share * len(DEVICES), **{name: sum(count[name] for count in counts) for name in bad}}
     for device, count in zip(DEVICES, counts, strict=True):

@@ -1,4 +1,4 @@
-"""Hardware in the loop: how soon motors obey, how steadily they are told, and how soon they stop, whatever happens.
+"""Hardware in the loop: latency of commands, gaps between commands, and time to rest after every kind of failure.
 
 python -m benchmarks.hil --json
 """
@@ -54,19 +54,24 @@ finally:
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """How often each thing is measured."""
+    """Numbers of measurements.
+
+    Args:
+        commands: starts and stops of each device.
+        repeats: repeats of each way to end.
+    """
 
     commands: int
     repeats: int
 
 
-def latencies_ms(
+def measure_latencies_ms(
     observed: ObservedDevice, robot: HardwareRobot, count: int, is_one_message: bool
 ) -> tuple[list[float], list[float]]:
-    """Return how long it took from each command until all motors were on, and from each stop until all were off.
+    """Return the latencies from each command until all motors were on, and from each stop until all were off.
 
-    Where all motors are told in one message, the first that is on tells that it has come: a loop that is closed may
-    hold another one's output at nothing for a moment, while that motor runs down.
+    Where one message commands all motors, the first motor that is on shows that it has arrived: a closed loop may hold
+    another motor's output at 0 for a moment while that motor still runs down.
     """
     dice = random.Random(0)
     starts, stops = [], []
@@ -84,12 +89,13 @@ def latencies_ms(
     return [1000.0 * s for s in starts], [1000.0 * s for s in stops]
 
 
-def longest_gaps(
+def measure_longest_gaps(
     observed: Sequence[ObservedDevice], robots: Sequence[HardwareRobot], duration_s: float
 ) -> dict[str, float]:
-    """Return the longest time that a device was told nothing while the learner thought about its next trials.
+    """Return the longest time without a command to a device, while the learner computed its next trials.
 
-    Beside it stands the longest time for which the machine held up a device, which has precedence over the learner.
+    Beside it stands the longest time for which the machine did not run a device, though it has priority over the
+    learner.
     """
     for robot in robots:
         robot.motors.drive(ON, duration_s + 10.0)
@@ -99,7 +105,7 @@ def longest_gaps(
     _learn_until(time.monotonic() + duration_s)
     notes = [device.note() for device in observed]
     for robot in robots:
-        robot.motors.state()  # raises what went wrong
+        robot.motors.state()  # raises a failure of the line
         robot.motors.stop()
     if any(note.changes or note.are_all_off for note in notes):
         raise RuntimeError("the motors did not run all the time")
@@ -111,7 +117,7 @@ def longest_gaps(
 
 
 def _learn_until(deadline_s: float) -> None:
-    """Suggest and take in trials, as the learner does between trials, without a pause."""
+    """Ask and tell without a pause, as the learner does between trials."""
     from vvvaltr.transfer.methods.plain_bo import PlainBO
 
     space = GaitSpace.over(3, 4.0, 16.0)
@@ -125,7 +131,7 @@ def _learn_until(deadline_s: float) -> None:
 
 
 def rest_after_signal_ms(observed: ObservedDevice, number: signal.Signals) -> float:
-    """Return how long the motors ran on after the controller's process got a signal in the middle of a trial."""
+    """Return how long the motors kept running after the controller received a signal in the middle of a trial."""
     command = [sys.executable, "-c", _CONTROLLER, str(observed.robot_file)]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as controller:
         _wait_until_on(observed)
@@ -146,7 +152,7 @@ def _wait_until_on(observed: ObservedDevice) -> None:
 
 
 class Watched:
-    """A tracker that notes when the robot was lost; it can be made to fail in another way."""
+    """A tracker that records when the robot was lost, and can be made to raise another failure."""
 
     def __init__(self, robot: HardwareRobot, failure: Exception | None = None, after_s: float = 1.0) -> None:
         self._robot = robot
@@ -158,14 +164,14 @@ class Watched:
         self._thread.start()
 
     def pose(self) -> Pose:
-        """Return the pose, or fail."""
+        """Return the pose, or raise the failure."""
         if self._failure is not None and time.monotonic() > self._fails_s:
             self.failed_s = time.monotonic()
             raise self._failure
         return self._robot.tracker.pose()
 
     def close(self) -> None:
-        """Watch no more."""
+        """Stop watching."""
         self._is_over.set()
         self._thread.join()
 
@@ -188,14 +194,14 @@ class Substituted:
     structure: Structure | None = None
 
     def place(self, trial: int) -> None:
-        """Is where it is."""
+        """Do nothing: the robot stays where it is."""
 
     def close(self) -> None:
-        """Is not ours to close."""
+        """Do nothing: whoever opened the robot closes it."""
 
 
 def rest_after_ms(observed: ObservedDevice, robot: HardwareRobot, failure: Exception | None) -> float:
-    """Return how long the motors ran on after a failure in the trial loop, or after the tracker lost the robot."""
+    """Return how long the motors kept running after a failure in the trial, or after the tracker lost the robot."""
     robot.place(1)
     observed.note()
     with closing(Watched(robot, failure)) as tracker, suppress(TrialCrashed):
@@ -210,7 +216,7 @@ def rest_after_ms(observed: ObservedDevice, robot: HardwareRobot, failure: Excep
 
 
 def rest_after_full_disk_ms(observed: ObservedDevice, directory: Path) -> float:
-    """Return how long the motors ran on after learning ended because no file could grow any more; 0 for not at all."""
+    """Return how long the motors kept running after learning ended on a full disk; 0 where they were off before."""
     command = [sys.executable, "-c", _VVVALTR, "learn", "--robot", str(observed.robot_file), "--trials", "9"]
     command += ["--duration", "1", "--out", str(directory / f"{observed.robot_file.stem}-run")]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL, preexec_fn=_with_small_files) as learner:
@@ -226,13 +232,13 @@ def _with_small_files() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))
 
 
-def figures_of(name: str, directory: Path, counts: Counts) -> dict[str, float]:
-    """Return all figures of one device but the gaps."""
+def measure_device(name: str, directory: Path, counts: Counts) -> dict[str, float]:
+    """Return all figures of one device except the gaps."""
     figures: dict[str, float] = {}
     with ObservedDevice(name, directory / name) as observed:
         robot_file = load_robot_file(observed.robot_file)
         with closing(open_hardware(robot_file)) as robot:
-            starts, stops = latencies_ms(observed, robot, counts.commands, is_one_message=name == "node")
+            starts, stops = measure_latencies_ms(observed, robot, counts.commands, is_one_message=name == "node")
             figures |= _spread(f"{name}_command_to_applied", starts) | _spread(f"{name}_stop_to_rest", stops)
             for cause, failure in (("exception", RuntimeError()), ("enospc", OSError(28, "")), ("lost_tracker", None)):
                 rests = [rest_after_ms(observed, robot, failure) for _ in range(counts.repeats)]
@@ -244,13 +250,13 @@ def figures_of(name: str, directory: Path, counts: Counts) -> dict[str, float]:
     return figures
 
 
-def gaps_of_all(directory: Path, duration_s: float) -> dict[str, float]:
+def measure_gaps(directory: Path, duration_s: float) -> dict[str, float]:
     """Return the longest gaps over all devices, driven by one process at the same time."""
     with ExitStack() as stack:
         observed = [stack.enter_context(ObservedDevice(name, directory / f"{name}-gap")) for name in DEVICES]
         files = [load_robot_file(device.robot_file) for device in observed]
         robots = [stack.enter_context(closing(open_hardware(robot_file))) for robot_file in files]
-        return longest_gaps(observed, robots, duration_s)
+        return measure_longest_gaps(observed, robots, duration_s)
 
 
 def _spread(name: str, values_ms: list[float]) -> dict[str, float]:
@@ -258,7 +264,7 @@ def _spread(name: str, values_ms: list[float]) -> dict[str, float]:
     return {f"{name}_p50_ms": float(p50), f"{name}_p99_ms": float(p99), f"{name}_worst_ms": max(values_ms)}
 
 
-def _shown(figures: dict[str, float]) -> dict[str, float]:
+def _show(figures: dict[str, float]) -> dict[str, float]:
     for key, figure in figures.items():
         print(f"{key:44} {figure:8.2f}", flush=True)
     return figures
@@ -270,14 +276,14 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     parser.add_argument("--duration", type=float, default=600.0, help="seconds of steady set-points (default 600)")
     parser.add_argument("--commands", type=int, default=500, help="starts and stops of each device (default 500)")
-    parser.add_argument("--repeats", type=int, default=5, help="of each way to end (default 5)")
+    parser.add_argument("--repeats", type=int, default=5, help="repeats of each way to end (default 5)")
     arguments = parser.parse_args()
     figures: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as directory:
         for name in DEVICES:
-            figures |= _shown(figures_of(name, Path(directory), Counts(arguments.commands, arguments.repeats)))
-        figures |= _shown(gaps_of_all(Path(directory), arguments.duration))
-    figures |= _shown({"load_average_of_15_minutes": os.getloadavg()[2]})
+            figures |= _show(measure_device(name, Path(directory), Counts(arguments.commands, arguments.repeats)))
+        figures |= _show(measure_gaps(Path(directory), arguments.duration))
+    figures |= _show({"load_average_of_15_minutes": os.getloadavg()[2]})
     if arguments.json:
         print(json.dumps({key: round(figure, 3) for key, figure in figures.items()}))
 

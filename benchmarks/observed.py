@@ -1,4 +1,4 @@
-"""A mock device in its own process that notes to the microsecond when its motors start and stop, and when it hears."""
+"""A mock device in its own process that records when its motors start and stop, and when it receives bytes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,13 @@ from vvvaltr.drivers.mocking.faults import Fault
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """The motors' state from a time on, as ``time.monotonic()`` counts."""
+    """A change of the motors' state.
+
+    Args:
+        t_s: time of the change, as ``time.monotonic()`` counts.
+        are_all_on: whether all motors run from then on.
+        are_all_off: whether all motors are off from then on.
+    """
 
     t_s: float
     are_all_on: bool
@@ -26,11 +32,11 @@ class Note:
     """What the device did since the last note.
 
     Args:
-        changes: of its motors.
-        longest_gap_s: between two times that it was told something while motors were on.
-        longest_pause_s: for which the device itself was held up by the machine; a gap may be no more than that.
+        changes: changes of its motors' state.
+        longest_gap_s: longest time without a byte from the controller while motors were on.
+        longest_pause_s: longest time for which the machine did not run the device; it may account for the gap.
         are_all_off: whether all motors are off now.
-        watchdog: whether its watchdog has stopped them.
+        watchdog: whether the device's watchdog has stopped them.
     """
 
     changes: tuple[Change, ...]
@@ -41,7 +47,7 @@ class Note:
 
 
 class ObservedDevice:
-    """A mock with its twin in a process of its own; to be used in a ``with`` statement."""
+    """A mock with its twin in a process of its own, for a ``with`` statement."""
 
     def __init__(self, device: str, link: Path) -> None:
         context = multiprocessing.get_context("spawn")
@@ -64,11 +70,15 @@ class ObservedDevice:
         return note
 
     def befall(self, fault: Fault) -> None:
-        """Let something go wrong."""
+        """Make a fault happen."""
         self._pipe.send(fault)
 
     def rested_s(self, timeout_s: float) -> float:
-        """Wait until all motors are off, and return since when. Raises TimeoutError."""
+        """Wait until all motors are off, and return the time since when, as ``time.monotonic()`` counts.
+
+        Raises:
+            TimeoutError: a motor is still running after ``timeout_s``.
+        """
         deadline_s = time.monotonic() + timeout_s
         since_s = 0.0
         while time.monotonic() < deadline_s:

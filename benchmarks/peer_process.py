@@ -1,4 +1,4 @@
-"""A peer behind ask and tell, in its own environment: commands come as JSON lines, answers go the same way.
+"""A peer behind ask and tell, in its own environment: commands and answers are JSON lines.
 
 python peer_process.py botorch|scikit-optimize
 """
@@ -20,14 +20,14 @@ INITIAL_TRIALS = 8
 
 
 class Peer(Protocol):
-    """An optimiser to be maximised with, over the unit cube."""
+    """An optimiser that maximises over the unit cube."""
 
     def ask(self, x: Array, y: Array, source: tuple[Array, Array] | None) -> Array:
-        """Return the next place (d,), given places (n, d), values (n,) and, for a transfer, those of a source."""
+        """Return the next place (d,), from places (n, d), values (n,) and, for a transfer, those of a source."""
         ...
 
     def recommend(self, x: Array, y: Array) -> Array:
-        """Return the place of the greatest posterior mean."""
+        """Return the place (d,) of the greatest posterior mean."""
         ...
 
 
@@ -96,7 +96,7 @@ class BoTorch:
 
 
 class ScikitOptimize:
-    """scikit-optimize as it comes: a Gaussian process and its portfolio of acquisitions. It knows no source."""
+    """scikit-optimize with its defaults: a Gaussian process and a portfolio of acquisitions. It has no transfer."""
 
     def __init__(self, dimension: int, seed: int) -> None:
         self._dimension, self._seed = dimension, seed
@@ -114,7 +114,7 @@ class ScikitOptimize:
         return np.array(self._optimizer.ask())
 
     def recommend(self, x: Array, y: Array) -> Array:
-        """See Peer; the best of the places seen."""
+        """See Peer; here it is the best of the places seen."""
         self.ask(x, y, None)
         model, space = self._optimizer.models[-1], self._optimizer.space
         means = model.predict(space.transform([list(place) for place in x]))
@@ -136,7 +136,7 @@ PEERS: dict[str, type[BoTorch] | type[ScikitOptimize]] = {"botorch": BoTorch, "s
 
 
 def answer(peer: Peer, command: dict[str, Any]) -> dict[str, Any]:
-    """Do one command, and return the place and how much of the processor's time it took."""
+    """Execute one command, and return the place and the processor time in seconds."""
     x, y = np.array(command["x"]), np.array(command["y"])
     start_s = time.process_time()
     if command["do"] == "recommend":

@@ -1,14 +1,13 @@
-"""Against peers from PyPI: time of a suggestion with 50 earlier and 50 own trials, and regret after 40 trials.
+"""Comparison with peers from PyPI: time of a suggestion with 50 + 50 trials, and regret after 40 trials.
 
 python -m benchmarks.peers --json
 
-The peers are installed into an environment of their own below the cache folder. All programs run on one thread, with
-the same functions, the same seeds and the same noise.
+The peers are installed into an environment of their own below the cache folder. All programs run in one thread, with
+the same functions, seeds and noise.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -19,6 +18,8 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
+
+from benchmarks.figures import make_parser, print_figures
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,11 +35,11 @@ PEERS = ("botorch", "scikit-optimize")
 
 
 class Problem(Protocol):
-    """A function over the unit cube to be maximised."""
+    """A function over the unit cube to maximise."""
 
     @property
     def dimension(self) -> int:
-        """Of the cube."""
+        """Dimension of the cube."""
         ...
 
     def true(self, x: Array) -> Array:
@@ -51,9 +52,12 @@ class Problem(Protocol):
 
 
 class TwinProblem:
-    """Speed of the planar twin over its motors' frequencies, with the scatter of its repeats.
+    """Speed of the planar twin, in m/s, over its motors' frequencies, with the scatter of its repeats.
 
-    The true speed is the mean over 20 fresh starts.
+    The true speed is the mean of 20 fresh starts.
+
+    Args:
+        condition: name of a condition of the experiments.
     """
 
     def __init__(self, condition: str) -> None:
@@ -84,7 +88,7 @@ class TwinProblem:
 
 
 class Ours:
-    """Plain-BO as it is here, behind the peers' calls."""
+    """Our Plain-BO, behind the peers' interface."""
 
     def begin(self, dimension: int, seed: int) -> None:
         """Begin a new run."""
@@ -107,7 +111,7 @@ class Ours:
 
 
 class PeerProcess:
-    """A peer in its own environment."""
+    """A peer in its own environment, behind a pipe."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
@@ -125,7 +129,7 @@ class PeerProcess:
         return self._place({"do": "recommend", "x": x.tolist(), "y": y.tolist()})
 
     def seconds(self, x: Array, y: Array, source: tuple[Array, Array] | None) -> float:
-        """Return how long a suggestion takes."""
+        """Return the processor time of a suggestion in seconds."""
         command: dict[str, Any] = {"do": "ask", "x": x.tolist(), "y": y.tolist()}
         if source is not None:
             command["source"] = {"x": source[0].tolist(), "y": source[1].tolist()}
@@ -142,14 +146,14 @@ class PeerProcess:
         self._process.stdin.flush()
         line = self._process.stdout.readline()
         if not line:
-            raise SystemExit("a peer ended; its own message is above")
+            raise SystemExit("a peer ended; its message is above")
         answer: dict[str, Any] = json.loads(line)
         return answer
 
 
 @contextmanager
-def peer(name: str, python: Path) -> Iterator[PeerProcess]:
-    """Run a peer; it ends with the block."""
+def run_peer(name: str, python: Path) -> Iterator[PeerProcess]:
+    """Run a peer until the block is left."""
     script = Path(__file__).with_name("peer_process.py")
     command = [str(python), str(script), name]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
@@ -159,8 +163,8 @@ def peer(name: str, python: Path) -> Iterator[PeerProcess]:
             process.terminate()
 
 
-def environment(folder: Path) -> Path:
-    """Return the Python of the peers' environment, which is made where it is not there yet."""
+def make_environment(folder: Path) -> Path:
+    """Return the Python of the peers' environment, and make it where it does not exist yet."""
     python, complete = folder / "bin" / "python", folder / "complete"
     if not complete.exists():
         print(f"installing {', '.join(PEERS)} into {folder}", file=sys.stderr, flush=True)
@@ -171,8 +175,8 @@ def environment(folder: Path) -> Path:
     return python
 
 
-def recommended(program: Ours | PeerProcess, problem: Problem, seed: int) -> Array:
-    """Return what a program recommends after its trials."""
+def run_program(program: Ours | PeerProcess, problem: Problem, seed: int) -> Array:
+    """Return the place (d,) that a program recommends after ``TRIALS`` trials."""
     import numpy as np
 
     program.begin(problem.dimension, seed)
@@ -184,19 +188,19 @@ def recommended(program: Ours | PeerProcess, problem: Problem, seed: int) -> Arr
     return program.recommend(x, y)
 
 
-def problem(name: str) -> Problem:
-    """Return the function called ``name``."""
+def make_problem(name: str) -> Problem:
+    """Return the problem called ``name``, one of ``PROBLEMS``."""
     from benchmarks import surfaces
 
     return TwinProblem(name.removeprefix("twin_")) if name.startswith("twin_") else getattr(surfaces, name)()
 
 
-def regrets(
+def measure_regrets(
     programs: dict[str, Ours | PeerProcess], problems: dict[str, Problem], seeds: Sequence[int]
 ) -> dict[str, float]:
     """Return mean simple regrets in percent of the best value, with their standard errors.
 
-    The best value of a twin, which nobody knows, is the greatest true speed of all gaits that any program recommended.
+    The best value of a twin is not known: the greatest true speed of all recommended gaits stands in for it.
     """
     import numpy as np
 
@@ -205,7 +209,7 @@ def regrets(
         true = {name: np.empty(len(seeds)) for name in programs}
         for index, seed in enumerate(seeds):
             for name, program in programs.items():
-                true[name][index] = problem.true(recommended(program, problem, seed)[None, :])[0]
+                true[name][index] = problem.true(run_program(program, problem, seed)[None, :])[0]
             so_far = ", ".join(f"{name} {values[: index + 1].mean():.4g}" for name, values in true.items())
             print(f"{problem_name}, {index + 1} of {len(seeds)} seeds: {so_far}", file=sys.stderr, flush=True)
         best = getattr(problem, "best", max(float(values.max()) for values in true.values()))
@@ -218,11 +222,11 @@ def regrets(
     return figures
 
 
-def times(peers: dict[str, PeerProcess]) -> dict[str, float]:
+def measure_times_ms(peers: dict[str, PeerProcess]) -> dict[str, float]:
     """Return the median processor times of a suggestion in ms, with 50 trials of a source and 50 of the target.
 
-    BoTorch's has a multi-task process; ``botorch_alone`` is the lighter one that takes all 100 for trials of one task,
-    as scikit-optimize does.
+    ``botorch`` has a multi-task process; ``botorch_alone`` is lighter and treats all 100 as trials of one task, as
+    scikit-optimize does.
     """
     import numpy as np
 
@@ -248,8 +252,8 @@ def times(peers: dict[str, PeerProcess]) -> dict[str, float]:
     return {name: round(figure, 2) for name, figure in figures.items()}
 
 
-def ratios(figures: dict[str, float]) -> dict[str, float]:
-    """Return how many times longer the peers take for a suggestion than the default transfer method."""
+def compare_times(figures: dict[str, float]) -> dict[str, float]:
+    """Return the peers' times of a suggestion as multiples of the default transfer method's."""
     ours = figures.get("guarded_ms", figures["efficient_ms"])
     return {
         "botorch_over_ours": round(min(figures["botorch_ms"], figures["botorch_alone_ms"]) / ours, 1),
@@ -259,25 +263,27 @@ def ratios(figures: dict[str, float]) -> dict[str, float]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser = make_parser(__doc__)
     parser.add_argument("--seeds", type=int, default=20, help="runs of each function (default 20)")
-    parser.add_argument("--problems", nargs="*", choices=PROBLEMS, default=PROBLEMS, help="functions (default all)")
+    parser.add_argument(
+        "--problems", nargs="*", choices=PROBLEMS, default=PROBLEMS, help="functions to maximise (default all)"
+    )
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    parser.add_argument("--cache", type=Path, default=cache / "vvvaltr" / "peers", help="the peers' environment")
+    parser.add_argument(
+        "--cache", type=Path, default=cache / "vvvaltr" / "peers", help="folder of the peers' environment"
+    )
     arguments = parser.parse_args()
-    # Before numpy is imported, here and in the peers, which read them once.
+    # Before numpy is imported, here and in the peers, which read these once.
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
-    python = environment(arguments.cache)
-    with peer("botorch", python) as botorch, peer("scikit-optimize", python) as skopt:
+    python = make_environment(arguments.cache)
+    with run_peer("botorch", python) as botorch, run_peer("scikit-optimize", python) as skopt:
         peers = {"botorch": botorch, "scikit-optimize": skopt}
-        figures = times(peers)
-        chosen = {name: problem(name) for name in arguments.problems}
-        figures |= ratios(figures) | regrets({"ours": Ours(), "botorch": botorch}, chosen, range(arguments.seeds))
-    for name, figure in figures.items():
-        print(f"{name:55} {figure:8.2f}")
-    if arguments.json:
-        print(json.dumps({"seeds": arguments.seeds, "trials": TRIALS, **figures}))
+        figures = measure_times_ms(peers)
+        chosen = {name: make_problem(name) for name in arguments.problems}
+        figures |= compare_times(figures) | measure_regrets(
+            {"ours": Ours(), "botorch": botorch}, chosen, range(arguments.seeds)
+        )
+    print_figures({"seeds": arguments.seeds, "trials": TRIALS, **figures}, arguments.json, width=55)
 
 
 if __name__ == "__main__":

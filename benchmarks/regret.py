@@ -1,16 +1,15 @@
-"""How far the recommended point is from the optimum after 40 trials, in percent of the optimum's value.
+"""Distance of the recommended point from the optimum after 40 trials, in percent of the optimum's value.
 
 python -m benchmarks.regret --json
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks.figures import make_parser, print_figures
 from benchmarks.surfaces import Surface, gait3, hartmann3, hartmann6
 from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.transfer.methods.plain_bo import PlainBO
@@ -24,7 +23,7 @@ SURFACES: dict[str, Callable[[int], Surface]] = {
 
 
 def regret_percent(surface: Surface, seed: int) -> tuple[float, bool]:
-    """Return the simple regret of one run, and whether its interval holds the true value."""
+    """Return the simple regret of one run in percent, and whether its interval holds the true value."""
     space = GaitSpace.over(surface.dimension, 0.0, 1.0)
     noise = np.random.default_rng([seed, 1])
     optimizer = PlainBO(space, seed)
@@ -39,9 +38,8 @@ def regret_percent(surface: Surface, seed: int) -> tuple[float, bool]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
-    parser.add_argument("--seeds", type=int, default=20, help="how many runs of each function (default 20)")
+    parser = make_parser(__doc__)
+    parser.add_argument("--seeds", type=int, default=20, help="runs of each function (default 20)")
     arguments = parser.parse_args()
     figures: dict[str, float] = {"trials": TRIALS, "seeds": arguments.seeds}
     for name, surface in SURFACES.items():
@@ -50,10 +48,7 @@ def main() -> None:
         figures[f"{name}_regret_percent"] = round(float(regrets.mean()), 2)
         figures[f"{name}_standard_error"] = round(float(regrets.std(ddof=1) / np.sqrt(len(regrets))), 2)
         figures[f"{name}_interval_coverage_percent"] = round(100.0 * float(np.mean([held for _, held in runs])), 1)
-    for name, figure in figures.items():
-        print(f"{name:40} {figure:8.2f}")
-    if arguments.json:
-        print(json.dumps(figures))
+    print_figures(figures, arguments.json)
 
 
 if __name__ == "__main__":

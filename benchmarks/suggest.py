@@ -1,29 +1,29 @@
-"""How long one suggestion takes with three motors, on one core: tell one trial, ask for the next.
+"""Time of one suggestion with three motors, on one core: tell one trial, ask for the next.
 
-    python -m benchmarks.suggest --json
+python -m benchmarks.suggest --json
 
-Processor time, which is the time that passes where nothing else runs; so a busy machine does not disturb it much.
+It is processor time, so that a busy machine does not disturb it much.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
+
+from benchmarks.figures import make_parser, print_figures
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.protocols import Optimizer
 
 RUNS = 3
 TIMED = range(46, 56)
-"""The trials of each run after which the suggestion is timed: about 50."""
+"""Trials of each run after which the suggestion is timed: about the 50th."""
 
 
 def median_ms(begin: Callable[[int], Optimizer]) -> float:
-    """Return the median time of a suggestion over the timed trials of some runs, which ``begin`` starts by seed."""
+    """Return the median time of a suggestion in ms; ``begin`` makes the optimiser of a run from its seed."""
     import numpy as np
 
     from benchmarks.surfaces import gait3
@@ -43,8 +43,8 @@ def median_ms(begin: Callable[[int], Optimizer]) -> float:
     return float(np.median(times_ms))
 
 
-def measured() -> dict[str, float]:
-    """Return the medians of both methods."""
+def measure() -> dict[str, float]:
+    """Return the median of both methods in ms."""
     import numpy as np
 
     from benchmarks.surfaces import gait3
@@ -62,16 +62,12 @@ def measured() -> dict[str, float]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser = make_parser(__doc__)
     arguments = parser.parse_args()
-    # Before numpy is imported, which reads it once.
+    # Before numpy is imported, which reads this once.
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    figures = measured()
-    for name, figure in figures.items():
-        print(f"{name:16} {figure:8.2f}")
-    if arguments.json:
-        print(json.dumps(figures))
+    figures = measure()
+    print_figures(figures, arguments.json, width=16)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Functions with known optima, as surfaces over the unit cube that a search climbs."""
+"""Functions with known optima over the unit cube, for a search to climb."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ PEAKS_6 = 1e-4 * np.array(
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """A function to be maximised.
+    """A function to maximise.
 
     Args:
-        dimension: of the unit cube it is defined on.
-        best: its greatest value.
-        true: from places (m, d) to values (m,).
-        noise_sd: of an observation, from its true value.
+        dimension: dimension d of the unit cube.
+        best: greatest value.
+        true: returns the values (m,) at places (m, d).
+        noise_sd: returns the standard deviation of an observation from its true value.
     """
 
     dimension: int
@@ -60,8 +60,8 @@ def hartmann6() -> Surface:
 def gait3(seed: int) -> Surface:
     """Return a speed in m/s over three motors, like a vibrating robot's: rugged, often zero, and noisy.
 
-    Twelve bumps of random place, size and width; no motion where the motors are too slow to overcome friction; repeats
-    of a gait scatter with a standard deviation of 40 % of its speed and 2 mm/s.
+    It has twelve bumps of random place, size and width, and no motion where the motors are too slow to overcome
+    friction. Repeats of a gait scatter with a standard deviation of 40 % of its speed plus 2 mm/s.
     """
     rng = np.random.default_rng(seed)
     peaks, heights, widths = rng.random((12, 3)), rng.uniform(0.2, 1.0, 12), rng.uniform(0.12, 0.3, 12)

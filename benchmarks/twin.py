@@ -1,19 +1,19 @@
-"""How much faster than real time the twins run: driven gaits on one core, in the steps of 50 ms that a trial takes.
+"""Speed of the twins as a multiple of real time: gaits on one core, in the steps of 50 ms that a trial makes.
 
-For the spatial twin also what it takes to begin, and what a second thread adds.
+For the spatial twin also the time to start, and the gain of a second thread.
 
 python -m benchmarks.twin --json
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 import timeit
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
+
+from benchmarks.figures import make_parser, print_figures
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,20 +24,23 @@ if TYPE_CHECKING:
 PLANAR_HZ = ((12.0, 14.0, 16.0), (16.0, 9.0, 13.0), (-14.0, 12.0, 15.0))
 SPATIAL_HZ = ((25.0, 32.0, 41.0), (45.0, 20.0, 33.0), (-30.0, 38.0, 12.0))
 CALL_S, CALLS = 0.05, 100
+"""Simulated time of each call, and number of calls."""
+
 REPEATS = 10
+"""Repeats of each gait; the fastest counts."""
 
 
 def times_real_time(engine: Engine, gaits_hz: Sequence[tuple[float, ...]]) -> float:
-    """Return simulated over measured seconds.
+    """Return simulated seconds per measured second.
 
-    Repeats are the same motion bit for bit, so each call counts with the repeat that other programs disturbed least.
+    Repeats are the same motion bit for bit, so each call counts with its fastest repeat, the one least disturbed.
     """
     least_s: float = sum(min(times_s) for gait in gaits_hz for times_s in zip(*_repeats(engine, gait), strict=True))
     return len(gaits_hz) * CALLS * CALL_S / least_s
 
 
 def _repeats(engine: Engine, frequency_hz: tuple[float, ...]) -> list[list[float]]:
-    """Return how long each call took in each repeat."""
+    """Return the time of each call in each repeat, in seconds."""
     from vvvaltr.controller.core.values import Gait
 
     gait, repeats = Gait(frequency_hz), []
@@ -51,7 +54,7 @@ def _repeats(engine: Engine, frequency_hz: tuple[float, ...]) -> list[list[float
     return repeats
 
 
-def planar() -> dict[str, float]:
+def measure_planar() -> dict[str, float]:
     """Return the planar twin's figures, at its own time steps: 2 ms for three struts, 1 ms for six."""
     from vvvaltr.twin.bodies import BODIES
     from vvvaltr.twin.planar.engine import PlanarEngine
@@ -64,7 +67,7 @@ def planar() -> dict[str, float]:
     }
 
 
-def spatial() -> dict[str, float]:
+def measure_spatial() -> dict[str, float]:
     """Return the spatial twin's figures, at its own time step of 0.5 ms."""
     from vvvaltr.twin.bodies import BODIES, icosahedron6
     from vvvaltr.twin.presets import SPATIAL_PARTS
@@ -90,10 +93,10 @@ def spatial() -> dict[str, float]:
 
 
 def _rollouts() -> dict[str, float]:
-    """Return how fast ``mujoco.rollout`` is by itself, and what a second thread adds.
+    """Return the speed of ``mujoco.rollout`` by itself, and the gain of a second thread.
 
-    On a computer that is busy with other things the second thread finds no processor. What it costs is told then by
-    the processor time of both together, over that of one alone: at 1 it costs nothing.
+    On a busy computer the second thread finds no free processor. Its cost then shows in the processor time of both
+    threads together, divided by that of one alone: at 1 it costs nothing.
     """
     from mujoco import MjData
     from mujoco.rollout import Rollout
@@ -140,28 +143,24 @@ def _driven_motions() -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _least_s(call: Callable[[], object]) -> float:
-    """Return how long a call takes when other programs disturb it least."""
+    """Return the time of a call in seconds, when other programs disturb it least."""
     return _least_by_turns_s([call])[0]
 
 
 def _least_by_turns_s(
     calls: Sequence[Callable[[], object]], timer: Callable[[], float] = time.perf_counter
 ) -> list[float]:
-    """Return it for several calls, made by turns, so that all meet the computer in the same moods."""
+    """Return the same for several calls, made in turns so that all meet the same disturbances."""
     took_s = [[timeit.timeit(call, timer=timer, number=1) for call in calls] for _ in range(200)]
     return [min(of_call_s) for of_call_s in zip(*took_s, strict=True)]
 
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser = make_parser(__doc__)
     arguments = parser.parse_args()
-    figures = planar() | spatial()
-    for name, figure in figures.items():
-        print(f"{name:40} {figure:8.2f}")
-    if arguments.json:
-        print(json.dumps(figures))
+    figures = measure_planar() | measure_spatial()
+    print_figures(figures, arguments.json)
 
 
 if __name__ == "__main__":
