@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
-from vvvaltr.controller.cli.options import TWINS, number, whole
+from vvvaltr.controller.cli.options import TWINS, method_details, number, whole
+from vvvaltr.controller.cli.parser import Details
 from vvvaltr.controller.cli.telling import bar
 from vvvaltr.controller.core.errors import NotUnderstood
 from vvvaltr.controller.core.spelling import unknown
@@ -46,6 +47,12 @@ def _add_arguments(parser: ArgumentParser) -> None:
     where.add_argument("--jobs", type=whole(1), default=1, metavar="N",
                        help="number of processes on this computer (default 1)")  # fmt: skip
     where.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask cluster, tcp://HOST:8786")
+
+
+def _details() -> Details:
+    from vvvaltr.transfer.experiments.thesis import list_pairs
+
+    return {"experiments (NAME)": {pair.key: pair.title for pair in list_pairs("planar")}, **method_details()}
 
 
 def _execute(arguments: Namespace) -> Answer:
@@ -95,7 +102,7 @@ def _settings(arguments: Namespace) -> Settings:
 
 
 def _progress(arguments: Namespace, units: Iterable[Any], total: int) -> Iterable[Any]:
-    return bar(arguments, units, total=total, unit="run", desc="experiment", disable=not total)
+    return bar(arguments, units, total=total, unit="run", desc="experiment", is_needed=total > 0)
 
 
 def _prose(found: Sequence[PairFindings], out: Path) -> str:
@@ -116,4 +123,5 @@ COMMAND = Command(
     example="vvvaltr experiment all --robot planar --repeats 10 --jobs 2 --out runs/thesis",
     add_arguments=_add_arguments,
     execute=_execute,
+    details=_details,
 )

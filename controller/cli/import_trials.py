@@ -165,8 +165,8 @@ def _number(path: Path, line: int, column: str, text: str | None) -> float:
 
 COMMAND = Command(
     help="import trials from a table, as a run to learn from",
-    example="vvvaltr import trials.csv --gait RPM_1,RPM_2,RPM_3 --unit rpm --score Displacement_mm --score-unit mm "
-    "--duration 20 --out runs/lab",
+    example="vvvaltr import examples/trials.csv --gait RPM_1,RPM_2,RPM_3 --unit rpm --score Displacement_mm "
+    "--score-unit mm --duration 20 --out runs/lab",
     add_arguments=_add_arguments,
     execute=_execute,
 )

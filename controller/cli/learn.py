@@ -18,6 +18,7 @@ from vvvaltr.controller.cli.options import (
     method_details,
     number,
     one_of,
+    score_details,
     whole,
 )
 from vvvaltr.controller.cli.rerun_extra import has_rerun, require_rerun
@@ -175,5 +176,5 @@ COMMAND = Command(
     example="vvvaltr learn --robot planar --trials 40 --seed 1 --out runs/flat",
     add_arguments=_add_arguments,
     execute=_execute,
-    details=method_details,
+    details=lambda: {**method_details(), **score_details()},
 )

@@ -58,7 +58,7 @@ def make_parser(commands_help: str = argparse.SUPPRESS) -> Parser:
     """Return the parser of the whole command line; its help lists the commands by group, unless told otherwise."""
     parser = Parser(
         prog="vvvaltr",
-        description="Finds good gaits for a vibration-driven tensegrity robot, and carries what it learned\n"
+        description="Finds good gaits for a vibration-driven tensegrity robot, and carries what it learned "
         "to the next ground, body or robot. Each command explains itself: vvvaltr COMMAND --help",
         example="vvvaltr learn --robot planar --trials 40 --seed 1",
         details=_commands_by_group,

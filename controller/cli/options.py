@@ -120,14 +120,14 @@ def add_trial_arguments(parser: ArgumentParser) -> None:
 
 def score_details() -> Details:
     """Return the section of a help text that explains the scores."""
-    return {"scores (--score)": {name: score.description for name, score in SCORES.items()}}
+    return {"scores": {name: score.description for name, score in SCORES.items()}}
 
 
 def method_details() -> Details:
-    """Return the sections of a help text that explain the methods and the scores."""
+    """Return the section of a help text that explains the methods."""
     from vvvaltr.transfer.methods.registry import METHODS
 
-    return {"methods (--method)": {name: method.description for name, method in METHODS.items()}, **score_details()}
+    return {"methods": {name: method.description for name, method in METHODS.items()}}
 
 
 def add_robot_file_arguments(parser: ArgumentParser) -> None:

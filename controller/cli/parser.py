@@ -36,10 +36,12 @@ class Parser(ArgumentParser):
 
     def format_help(self) -> str:
         """Return the help, with its further sections and the example."""
-        width = min(shutil.get_terminal_size().columns, 100)
+        width = min(shutil.get_terminal_size().columns, 100) - 2
+        self.usage = textwrap.fill(self._usage(), width - 7, subsequent_indent=" " * 9, break_on_hyphens=False)
+        self.description = textwrap.fill(self.description or "", width)
         sections = (_section(title, lines, width) for title, lines in (self._details or dict)().items())
-        self.usage = self._usage()
-        return "\n".join([super().format_help(), *sections, f"example:\n  {self._example}\n"])
+        example = textwrap.wrap(self._example, width - 6, break_on_hyphens=False, break_long_words=False)
+        return "\n".join([super().format_help(), *sections, "example:", "  " + " \\\n    ".join(example), ""])
 
     def format_usage(self) -> str:
         """Return the usage: what must be given; the options that may be given are listed below it."""

@@ -16,7 +16,6 @@ def _add_arguments(parser: ArgumentParser) -> None:
 
 
 def _execute(arguments: Namespace) -> Answer:
-    from vvvaltr.controller.core.errors import one_line_errors
     from vvvaltr.transfer.experiments.findings import as_json
     from vvvaltr.transfer.experiments.report import require_findings, to_markdown, write_report
     from vvvaltr.transfer.experiments.store import Store
@@ -24,11 +23,10 @@ def _execute(arguments: Namespace) -> Answer:
     if not arguments.markdown and find_spec("matplotlib") is None:
         raise UserError('the figures need matplotlib: pip install "vvvaltr[report]"')
     store = Store.open(arguments.campaign)
-    with one_line_errors():
-        found = require_findings(store)
-        if arguments.markdown:
-            return Answer(to_markdown(found), {"experiments": as_json(found), "out": str(arguments.campaign)})
-        page = write_report(store)
+    found = require_findings(store)
+    if arguments.markdown:
+        return Answer(to_markdown(found), {"experiments": as_json(found), "out": str(arguments.campaign)})
+    page = write_report(store)
     return Answer(f"{page}: open it in a browser", {"report": str(page), "experiments": as_json(found)})
 
 

@@ -28,11 +28,11 @@ def say(arguments: Namespace, line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
 
-def bar(arguments: Namespace, stream: Iterable[Any] | None = None, **more: Any) -> tqdm[Any]:
-    """Return a progress bar as tqdm makes it, unseen where the person asked for quiet."""
+def bar(arguments: Namespace, stream: Iterable[Any] | None = None, is_needed: bool = True, **more: Any) -> tqdm[Any]:
+    """Return a progress bar as tqdm makes it, unseen where it is not needed or the person asked for quiet."""
     from tqdm import tqdm
 
-    return tqdm(stream, file=sys.stderr, disable=arguments.quiet or more.pop("disable", False), **more)
+    return tqdm(stream, file=sys.stderr, disable=arguments.quiet or not is_needed, **more)
 
 
 def log_to_standard_error(arguments: Namespace) -> None:

@@ -90,7 +90,7 @@ def _trials(rig: Rig, gait: Gait, arguments: Namespace) -> list[LoggedTrial]:
                 total=arguments.repeats,
                 desc="repeating",
                 unit="trial",
-                disable=arguments.repeats == 1,
+                is_needed=arguments.repeats > 1,
             )
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import logging
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -12,6 +13,8 @@ from vvvaltr.controller.core.errors import DeviceError, DeviceTimeout, LinkLost,
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.values import Command, Gait, MotorState, Outcome, Pose, Trial
 from vvvaltr.controller.loop.safety import Arena, Guard, HeadingGuard, make_arena_guard
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +66,7 @@ def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1
     Raises:
         TrialCrashed: the program failed; the exception holds the trial, which the caller records.
     """
+    _LOG.debug("trial %d: %s for %g s", number, gait, settings.duration_s)
     watch = _Watch(robot, settings.guards())
     started_unix_s = time.time()
     problem: Exception | KeyboardInterrupt | None = None
@@ -83,6 +87,7 @@ def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1
         commands=tuple(watch.commands),
         states=tuple(watch.states),
     )
+    _LOG.info("trial %d: %s after %.2f s %s", number, trial.outcome, trial.duration_s, trial.reason)
     if trial.outcome is Outcome.CRASHED:
         raise TrialCrashed(trial) from problem
     return trial

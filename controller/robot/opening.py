@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,8 @@ from vvvaltr.controller.robot.choice import RobotChoice, option
 if TYPE_CHECKING:
     from vvvaltr.twin.presets import Preset
     from vvvaltr.twin.robot import TwinRobot
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +81,7 @@ def open_rig(choice: RobotChoice, seed: int) -> Rig:
         UserError: the choice is impossible.
         DeviceError: the hardware does not answer as it should.
     """
+    _LOG.info("opening %s", choice.name)
     with one_line_errors():
         return _open_twin(choice, seed) if choice.is_twin else _open_hardware(choice)
 

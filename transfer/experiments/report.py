@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vvvaltr.controller.core.errors import UserError
 from vvvaltr.transfer.experiments import figures, tables
 from vvvaltr.transfer.experiments.findings import PairFindings, gather_findings
 from vvvaltr.transfer.experiments.store import Store
@@ -60,7 +61,7 @@ def write_report(store: Store) -> Path:
     """Write `report.html` and `figures/` into the campaign's folder and return the file; an older report is replaced.
 
     Raises:
-        ValueError: no repeat of any experiment is complete.
+        UserError: no repeat of any experiment is complete.
         ImportError: matplotlib is missing.
         OSError: the folder cannot be written.
     """
@@ -74,10 +75,10 @@ def write_report(store: Store) -> Path:
 
 
 def require_findings(store: Store) -> tuple[PairFindings, ...]:
-    """Return the campaign's findings. Raises ValueError where no repeat of any experiment is complete."""
+    """Return the campaign's findings. Raises UserError where no repeat of any experiment is complete."""
     found = gather_findings(store)
     if not found:
-        raise ValueError(
+        raise UserError(
             f"{store.folder}: no repeat of an experiment is complete yet; continue it with vvvaltr experiment"
         )
     return found

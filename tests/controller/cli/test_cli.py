@@ -172,7 +172,7 @@ NOT_UNDERSTOOD = [
     ("calibrate", "name its file, as in vvvaltr calibrate robot.toml"),
     ("landscape --grid 1", "1"),
     ("landscape --out picture.bmp", "picture.bmp"),
-    ("mock quik", "unknown value 'quik' (did you mean qik?)"),
+    ("mock quik", "'quik' (did you mean qik?)"),
     ("import t.csv --giat RPM_1", "unknown option --giat (did you mean --gait?)"),
     ("completion fish", "choose one of bash, zsh, tcsh"),
 ]

@@ -1,0 +1,85 @@
+"""What is told on standard error: by default progress, with --verbose each step, with --quiet errors alone."""
+
+import json
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from vvvaltr.controller.cli.main import main
+
+TRIAL = ("trial", "12", "-14", "9", "--duration", "0.2", "--repeats", "2")
+VVVALTR = (sys.executable, "-m", "vvvaltr")
+
+
+def told(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> str:
+    assert main([*arguments, "--json"]) == 0
+    out, err = capsys.readouterr()
+    json.loads(out.splitlines()[-1])
+    return err
+
+
+def test_by_default_the_progress_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    err = told(TRIAL, capsys)
+
+    assert "repeating" in err
+    assert "opening planar" not in err
+
+
+def test_verbose_tells_each_step_above_the_progress_bar(capsys: pytest.CaptureFixture[str]) -> None:
+    err = told((*TRIAL, "--verbose"), capsys)
+
+    assert "opening planar" in err
+    assert "trial 2: completed" in err
+    assert "repeating" in err
+
+
+def test_quiet_tells_nothing_of_what_goes_well(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert told((*TRIAL, "--quiet"), capsys) == ""
+    assert (
+        told(("learn", "--duration", "0.2", "--trials", "2", "--quiet", "--out", str(tmp_path / "run")), capsys) == ""
+    )
+
+
+def test_quiet_still_tells_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(tmp_path / "missing.toml"), "--quiet"]) == 1
+    assert "there is no such file" in capsys.readouterr().err
+
+
+def mock_on_a_terminal(*more: str, folder: Path, until: str) -> str:
+    """Return what a mock writes to a terminal until ``until`` has come, and for 0.3 s after it."""
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen([*VVVALTR, "mock", "qik", "--link", "qik0", *more], cwd=folder, stdout=theirs)
+    os.close(theirs)
+    text, end_s = "", time.monotonic() + 30.0
+    try:
+        while time.monotonic() < end_s:
+            if select.select([ours], [], [], 0.1)[0]:
+                text += os.read(ours, 65536).decode()
+            if until in text:
+                end_s, until = min(end_s, time.monotonic() + 0.3), "nothing more"
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 0
+        os.close(ours)
+    return text
+
+
+def test_on_a_terminal_the_mock_says_what_to_do_next_and_no_more(tmp_path: Path) -> None:
+    lines = mock_on_a_terminal(folder=tmp_path, until="next").splitlines()
+
+    assert len(lines) == 2
+    assert lines[1] == "next, in another terminal: vvvaltr check qik0.toml"
+
+
+def test_on_a_terminal_with_json_the_mock_writes_what_the_device_does(tmp_path: Path) -> None:
+    first, second, *_ = mock_on_a_terminal("--json", folder=tmp_path, until="applied_hz").splitlines()
+
+    assert set(json.loads(first)) == {"port", "robot_file", "tracker"}
+    assert json.loads(second)["applied_hz"] == [0.0, 0.0, 0.0]
