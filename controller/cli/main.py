@@ -22,7 +22,7 @@ from vvvaltr.controller.core.signals import interrupt_on_signals
 GROUPS = {
     "find a gait": ("learn", "trial", "landscape", "experiment"),
     "look at what was measured": ("view", "report", "import"),
-    "set a robot up": ("check", "calibrate", "track", "mock"),
+    "set a robot up": ("check", "calibrate", "camera", "track", "mock"),
     "this program": ("completion",),
 }
 COMMANDS = tuple(name for names in GROUPS.values() for name in names)

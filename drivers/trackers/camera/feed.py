@@ -28,7 +28,7 @@ from vvvaltr.drivers.trackers.camera.frames import FrameWriter
 from vvvaltr.drivers.trackers.camera.lens import Array, Lens
 from vvvaltr.drivers.trackers.camera.pictures import Painter
 from vvvaltr.drivers.trackers.camera.sight import RobotTag
-from vvvaltr.drivers.trackers.camera.table import CameraTable, FloorTagTable, LensTable, TagTable
+from vvvaltr.drivers.trackers.camera.table import CameraTable, FloorTagTable, TagTable, lens_table
 from vvvaltr.drivers.trackers.camera.view import View
 from vvvaltr.drivers.trackers.registry import MockFeed
 from vvvaltr.drivers.trackers.stream.tracker import LOOPBACK, PoseSender, decode_pose
@@ -67,15 +67,8 @@ def make_feed() -> MockFeed:
         shutil.rmtree(folder)
         raise
     floor = tuple(FloorTagTable(id=number, x_m=x_m, y_m=y_m) for number, (x_m, y_m) in FLOOR_M.items())
-    lens = LensTable(
-        width_px=LENS.width_px,
-        height_px=LENS.height_px,
-        focal_px=LENS.focal_px,
-        centre_px=LENS.centre_px,
-        distortion=LENS.distortion,
-    )
     tag = TagTable(id=TAG.id, size_m=TAG.size_m, height_m=TAG.height_m)
-    table = CameraTable(source=f"frames:{path}", rate_hz=1.0 / _PICTURE_S, tag=tag, floor=floor, lens=lens)
+    table = CameraTable(source=f"frames:{path}", rate_hz=1.0 / _PICTURE_S, tag=tag, floor=floor, lens=lens_table(LENS))
     return MockFeed(feed, table, f"frames:{path}")
 
 
@@ -163,7 +156,7 @@ def main() -> None:
 
 
 def _writer(path: Path) -> FrameWriter:
-    return FrameWriter(path, LENS.width_px, LENS.height_px)
+    return FrameWriter(path, LENS.width_px, LENS.height_px, 1.0 / _PICTURE_S)
 
 
 def _draw_all(inbox: socket.socket, scene: Scene, writer: FrameWriter) -> None:
@@ -187,7 +180,8 @@ def _newest(inbox: socket.socket, scene: Scene) -> Pose | None:
 
 
 def _end_with_input() -> None:
-    sys.stdin.buffer.read()
+    while os.read(sys.stdin.fileno(), 4096):  # unbuffered: at exit a buffered file may not be in use
+        pass
     os._exit(0)
 
 

@@ -16,10 +16,10 @@ import numpy as np
 from vvvaltr.drivers.trackers.camera.tags import Picture
 
 _MAGIC = b"vvvaltr1"
-_HEAD = struct.Struct("<8sIIIq")  # magic, width, height, slots, number of the newest picture
+_HEAD = struct.Struct("<8sIIIdq")  # magic, width, height, slots, pictures per second, number of the newest picture
 _SLOT = struct.Struct("<qd")  # number of the picture, -1 while it is written; when it was taken, in s
 _SLOTS = 4
-_LARGEST_PX = 1 << 26
+_LARGEST_PX, _FASTEST_HZ = 1 << 26, 1e5
 
 
 class FrameWriter:
@@ -28,13 +28,15 @@ class FrameWriter:
     Args:
         path: the file; an old one is replaced.
         width_px, height_px: of every picture.
+        rate_hz: pictures per second, for readers to know.
 
     Raises:
         OSError: the file cannot be written.
     """
 
-    def __init__(self, path: Path, width_px: int, height_px: int) -> None:
+    def __init__(self, path: Path, width_px: int, height_px: int, rate_hz: float) -> None:
         self._shape = (height_px, width_px)
+        self._rate_hz = rate_hz
         self._number = -1
         size = _HEAD.size + _SLOTS * (_SLOT.size + width_px * height_px)
         fresh = path.with_name(f"{path.name}.new")
@@ -64,7 +66,7 @@ class FrameWriter:
 
     def _say_newest(self) -> None:
         height, width = self._shape
-        _HEAD.pack_into(self._memory, 0, _MAGIC, width, height, _SLOTS, self._number)
+        _HEAD.pack_into(self._memory, 0, _MAGIC, width, height, _SLOTS, self._rate_hz, self._number)
 
 
 class FrameReader:
@@ -81,10 +83,14 @@ class FrameReader:
             head = file.read(_HEAD.size)
             if len(head) < _HEAD.size or head[: len(_MAGIC)] != _MAGIC:
                 raise ValueError("it holds no pictures of another program")
-            _, self.width_px, self.height_px, self._slots, _ = _HEAD.unpack(head)
+            _, self.width_px, self.height_px, self._slots, self.rate_hz, _ = _HEAD.unpack(head)
             pixels = self.width_px * self.height_px
-            if not (0 < pixels <= _LARGEST_PX and size == _HEAD.size + self._slots * (_SLOT.size + pixels)):
-                raise ValueError("its size is not that of its pictures")
+            if not (
+                0.0 < self.rate_hz <= _FASTEST_HZ
+                and 0 < pixels <= _LARGEST_PX
+                and size == _HEAD.size + self._slots * (_SLOT.size + pixels)
+            ):
+                raise ValueError("it is not as large as its pictures")
             self._memory = mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)
         self._shape = (self.height_px, self.width_px)
 

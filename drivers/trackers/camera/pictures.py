@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Pose, Vector
-from vvvaltr.drivers.trackers.camera.lens import Array
+from vvvaltr.drivers.trackers.camera.lens import Array, Lens
 from vvvaltr.drivers.trackers.camera.sight import RobotTag
 from vvvaltr.drivers.trackers.camera.tags import Picture, dictionary
 from vvvaltr.drivers.trackers.camera.view import View
@@ -261,3 +261,34 @@ def _smear(x_px: float, y_px: float) -> Floats:
         ):
             kernel[i, j] += weight
     return np.asarray(kernel / kernel.sum())
+
+
+def board_picture(
+    lens: Lens, sheet: Picture, cell_m: float, rotation: Array, position_m: Array, looks: Looks, seed: int = 0
+) -> Picture:
+    """Return what a camera sees of a printed sheet that is held before it.
+
+    Args:
+        lens: the camera's.
+        sheet: the print, in cells of ``cell_m``.
+        cell_m: the side of a cell.
+        rotation: from the sheet's axes (x right, y down) to the camera's, shape (3, 3).
+        position_m: of the sheet's middle in the camera's frame, shape (3,).
+        looks: what is bad about the picture.
+        seed: of its noise.
+    """
+    import cv2
+
+    y, x = np.mgrid[0 : lens.height_px, 0 : lens.width_px].astype(np.float64)
+    rays = lens.rays(np.column_stack([x.ravel(), y.ravel()]))
+    plane = np.column_stack([rotation[:, 0], rotation[:, 1], position_m])
+    met = np.column_stack([rays, np.ones(len(rays))]) @ np.linalg.inv(plane).T
+    cells = np.asarray(met[:, :2] / met[:, 2:] / cell_m + np.array(sheet.shape[::-1]) / 2.0 - 0.5, np.float32)
+    places = cells.reshape(lens.height_px, lens.width_px, 2)
+    paper = _BLACK + (_WHITE - _BLACK) / 255.0 * cv2.GaussianBlur(sheet.astype(np.float32), (0, 0), 1.0)
+    margin = 12.0 / 1000.0 / cell_m
+    on_paper = ((places > -margin) & (places < np.array(sheet.shape[::-1]) + margin)).all(axis=2)
+    seen = cv2.remap(paper, places[..., 0], places[..., 1], cv2.INTER_LINEAR, borderValue=_WHITE)
+    scene = np.where(on_paper & (met[:, 2].reshape(on_paper.shape) > 0.0), seen, _FLOOR).astype(np.float32)
+    noise = stream(seed, 0, "pictures").normal(0.0, 255.0 * looks.noise, scene.shape)
+    return np.asarray(np.clip(cv2.GaussianBlur(scene, (0, 0), looks.blur_px) + noise, 0.0, 255.0), np.uint8)

@@ -253,7 +253,7 @@ class SharedSource:
             ) from None
         except ValueError as error:
             raise UserError(f"tracker.source: {path}: {error}") from None
-        self.applied = Wanted(self._reader.width_px, self._reader.height_px)
+        self.applied = Wanted(self._reader.width_px, self._reader.height_px, self._reader.rate_hz)
         self._shown = -1
 
     def newest(self) -> Frame:

@@ -59,6 +59,14 @@ class LensTable(Table, frozen=True, kw_only=True):
         return Lens(self.width_px, self.height_px, self.focal_px, self.centre_px, self.distortion)
 
 
+def lens_table(lens: Lens, error_px: float = 0.0) -> LensTable:
+    """Return the table of a lens."""
+    size = {"width_px": lens.width_px, "height_px": lens.height_px}
+    return LensTable(
+        **size, focal_px=lens.focal_px, centre_px=lens.centre_px, distortion=lens.distortion, error_px=error_px
+    )
+
+
 class CameraTable(TrackerTable, frozen=True, kw_only=True, tag="camera"):
     """A camera over the ground.
 

@@ -22,6 +22,17 @@ _LEAVE_S = 2.0
 _QUIET = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENBLAS_NUM_THREADS": "1"}
 
 
+def require_opencv() -> None:
+    """Raise UserError, with the cure, where OpenCV is not installed."""
+    if importlib.util.find_spec("cv2") is None:
+        raise UserError("the camera needs OpenCV, which is not installed: pip install 'vvvaltr[camera]'")
+
+
+def silence_opencv() -> None:
+    """Keep OpenCV's own warnings off standard error: what goes wrong is told in one line. Before its first import."""
+    os.environ.update(_QUIET)
+
+
 class CameraTracker:
     """A tracker that sees the robot's tag: satisfies ``Tracker``.
 
@@ -36,8 +47,7 @@ class CameraTracker:
     """
 
     def __init__(self, table: CameraTable) -> None:
-        if importlib.util.find_spec("cv2") is None:
-            raise UserError("the camera needs OpenCV, which is not installed: pip install 'vvvaltr[camera]'")
+        require_opencv()
         self._table = table
         # The newest pose, or why there is none: one attribute, for two threads share it.
         self._newest: Pose | str = "no picture has been seen yet"

@@ -32,7 +32,7 @@ def main() -> None:
     """Look until there is nothing more to see, or nobody who listens."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # reaches all processes of a terminal; the controller decides
     table = msgspec.json.decode(sys.stdin.buffer.readline(), type=CameraTable)
-    threading.Thread(target=_end_with, args=[sys.stdin.buffer], daemon=True).start()
+    threading.Thread(target=_end_with_controller, daemon=True).start()
     say = _Speech(sys.stdout.buffer)
     try:
         watch(table, say)
@@ -130,8 +130,9 @@ def _jpeg(grey: Picture) -> bytes:
     return data.tobytes()
 
 
-def _end_with(controller: IO[bytes]) -> None:
-    controller.read()
+def _end_with_controller() -> None:
+    while os.read(sys.stdin.fileno(), 4096):  # unbuffered: at exit a buffered file may not be in use
+        pass
     os._exit(0)
 
 

@@ -62,7 +62,7 @@ def test_a_film_is_shown_in_real_time_and_then_ends(tmp_path):
 
 
 def test_another_programs_newest_picture_is_taken_and_each_only_once(tmp_path):
-    writer = FrameWriter(tmp_path / "frames", 64, 48)
+    writer = FrameWriter(tmp_path / "frames", 64, 48, 30.0)
     for level in range(9):
         writer.write(100.0 + level, grey(level))
     source = open_source(f"frames:{tmp_path / 'frames'}", FAST)
@@ -76,7 +76,7 @@ def test_another_programs_newest_picture_is_taken_and_each_only_once(tmp_path):
 
 
 def test_a_picture_of_another_size_is_not_handed_on(tmp_path):
-    writer = FrameWriter(tmp_path / "frames", 64, 48)
+    writer = FrameWriter(tmp_path / "frames", 64, 48, 30.0)
     with pytest.raises(ValueError, match="shape"):
         writer.write(0.0, np.zeros((64, 48), np.uint8))
 
