@@ -39,7 +39,8 @@ def drawn(grey: Picture, tags: Mapping[int, Array], robot: int, lines: Sequence[
         _polyline(picture, corners, colour, is_closed=True)
         x, y = corners.max(axis=0)
         cv2.putText(picture, str(number), (round(x) + 4, round(y)), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 2)
-    picture[: _LINE_PX * len(lines) + 8] //= 3
+    shaded = _LINE_PX * len(lines) + 8
+    picture[:shaded] = picture[:shaded] // 3
     for row, text in enumerate(lines, start=1):
         cv2.putText(picture, text, (10, _LINE_PX * row), cv2.FONT_HERSHEY_SIMPLEX, 0.6, _WHITE, 1, cv2.LINE_AA)
     return picture
