@@ -15,7 +15,7 @@ if not RUN.exists():
             pass
 
 table = vvvaltr.read_run(RUN).table()  # a numpy structured array, which pandas.DataFrame takes as it is
-print(*table.dtype.names, sep=", ")
+print(table.dtype.names)
 
 plt.plot(table["number"], 1000 * table["score_m_s"], "o", label="trial")
 plt.plot(table["number"], 1000 * table["recommended_mean_m_s"], label="gait believed best, mean")
