@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from vvvaltr.controller.core.records import LoggedTrial, RestingPose
+    from vvvaltr.controller.core.records import LoggedTrial
+    from vvvaltr.controller.core.resting import RestingPose
 
 
 @dataclass(frozen=True, slots=True)

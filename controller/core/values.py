@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Self
 
 from vvvaltr.controller.core.conditions import Conditions, check_finite
+from vvvaltr.controller.core.resting import RestingPose
 
 if TYPE_CHECKING:
     import numpy as np
@@ -276,6 +277,8 @@ class Trial:
         commands: every request that was sent.
         states: what the device applied.
         conditions: battery, session, tracker: what else was read.
+        start: where the robot lay before the drive; None where only the first pose tells.
+        end: where it lay once the motors had run down; None where only the last pose tells.
 
     Raises:
         ValueError: a time is not finite.
@@ -291,6 +294,8 @@ class Trial:
     commands: tuple[Command, ...] = ()
     states: tuple[MotorState, ...] = ()
     conditions: Conditions = field(default_factory=Conditions)
+    start: RestingPose | None = None
+    end: RestingPose | None = None
 
     def __post_init__(self) -> None:
         check_finite(started_unix_s=self.started_unix_s, duration_s=self.duration_s)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from vvvaltr.controller.core.records import AppliedFrequencies, Displacement, LoggedTrial, Movement, RestingPose
+from vvvaltr.controller.core.records import AppliedFrequencies, Displacement, LoggedTrial, Movement
+from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Pose, Recommendation, Suggestion, Trial
 
 
@@ -17,16 +18,30 @@ def complete_record(
 
 
 def measure_movement(trial: Trial) -> Movement | None:
-    """Return how the robot moved from its first to its last pose; None for fewer than two, or one that is not a number.
+    """Return how the robot moved from where it lay to where it came to rest.
 
-    The turn is the sum of the changes from pose to pose, so it may exceed half a turn; between two poses the robot must
-    turn by less than that.
+    None where that was not measured, or a pose is not a number. Where the trial has no resting poses, its first and
+    last pose stand for them. The turn is the sum of the changes from pose to pose, so it may exceed half a turn;
+    between two poses the robot must turn by less than that.
     """
-    poses = trial.poses
-    if len(poses) < 2 or not all(pose.is_finite for pose in poses):
+    ends = resting_ends(trial)
+    if ends is None or not all(pose.is_finite for pose in trial.poses):
         return None
-    turn_rad = sum(math.remainder(after.yaw_rad - before.yaw_rad, math.tau) for before, after in pairwise(poses))
-    return Movement(_rest(poses[0]), _rest(poses[-1]), _displacement(poses[0], poses[-1], turn_rad))
+    start, end = ends
+    yaws_rad = [start.yaw_rad, *(pose.yaw_rad for pose in trial.poses), end.yaw_rad]
+    turn_rad = sum(math.remainder(after - before, math.tau) for before, after in pairwise(yaws_rad))
+    return Movement(start, end, _displacement(start, end, turn_rad))
+
+
+def resting_ends(trial: Trial) -> tuple[RestingPose, RestingPose] | None:
+    """Return where the robot lay before and after the drive; None where the poses do not tell."""
+    poses = trial.poses
+    start, end = trial.start, trial.end
+    if start is None and len(poses) > 1 and poses[0].is_finite:
+        start = _rest(poses[0])
+    if end is None and len(poses) > 1 and poses[-1].is_finite:
+        end = _rest(poses[-1])
+    return None if start is None or end is None else (start, end)
 
 
 def measure_applied(trial: Trial) -> AppliedFrequencies | None:
@@ -42,7 +57,7 @@ def _rest(pose: Pose) -> RestingPose:
     return RestingPose(pose.position_m, pose.yaw_rad, pose.pitch_rad, pose.roll_rad)
 
 
-def _displacement(start: Pose, end: Pose, turn_rad: float) -> Displacement:
+def _displacement(start: RestingPose, end: RestingPose, turn_rad: float) -> Displacement:
     x_m, y_m = (end.position_m[axis] - start.position_m[axis] for axis in (0, 1))
     cos_yaw, sin_yaw = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
     return Displacement(cos_yaw * x_m + sin_yaw * y_m, cos_yaw * y_m - sin_yaw * x_m, turn_rad)

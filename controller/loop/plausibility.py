@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vvvaltr.controller.core.errors import TrackingLost
+from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Pose
 
 _WINDOW_S = 1.0  # in which the share of dropped poses is judged
@@ -63,9 +64,9 @@ class PoseFilter:
         self._frozen = 0
         self.dropped = 0
 
-    def begin_at(self, rest: Pose) -> None:
-        """Take ``rest`` as the place from which the robot starts."""
-        self._last = rest
+    def begin_at(self, rest: RestingPose, t_s: float) -> None:
+        """Take ``rest`` as the place where the robot lies at ``t_s``, before the drive."""
+        self._last = Pose(t_s, rest.position_m, rest.yaw_rad, rest.pitch_rad, rest.roll_rad)
         self._start_z_m = rest.position_m[2]
 
     def accepts(self, pose: Pose, motors_turn: bool) -> bool:
@@ -142,34 +143,24 @@ def _numbers(pose: Pose) -> tuple[object, ...]:
     return pose.position_m, pose.yaw_rad, pose.pitch_rad, pose.roll_rad, pose.markers_m
 
 
-@dataclass(frozen=True, slots=True)
-class Rest:
-    """Where the robot lay: the median of several poses, and how sure that is.
-
-    Args:
-        pose: median position (m) and angles (rad), at the time of the last pose.
-        position_se_m: standard error of the position along the ground; NaN for a single pose.
-        yaw_se_rad: standard error of the heading; NaN for a single pose.
-    """
-
-    pose: Pose
-    position_se_m: float
-    yaw_se_rad: float
-
-
-def average_at_rest(poses: Sequence[Pose]) -> Rest:
-    """Return where the robot lay during one or more finite poses.
+def average_at_rest(poses: Sequence[Pose]) -> RestingPose:
+    """Return where the robot lay during one or more finite poses, and how certain that is.
 
     Medians, so that an outlier has no say; their standard error from the median absolute deviation, for normal noise.
     """
-    last = poses[-1]
     x_m, y_m, z_m = (float(np.median(each)) for each in zip(*(pose.position_m for pose in poses), strict=True))
-    yaws = _unwrapped([pose.yaw_rad for pose in poses])
+    yaws_rad = _unwrapped([pose.yaw_rad for pose in poses])
     pitch_rad = float(np.median(_unwrapped([pose.pitch_rad for pose in poses])))
     roll_rad = float(np.median(_unwrapped([pose.roll_rad for pose in poses])))
-    spread_m = [_standard_error([pose.position_m[axis] for pose in poses]) for axis in (0, 1)]
-    middle = Pose(last.t_s, (x_m, y_m, z_m), float(np.median(yaws)), pitch_rad, roll_rad, last.markers_m)
-    return Rest(middle, math.hypot(*spread_m), _standard_error(yaws))
+    errors_m = [_standard_error([pose.position_m[axis] for pose in poses]) for axis in (0, 1)]
+    return RestingPose(
+        (x_m, y_m, z_m),
+        float(np.median(yaws_rad)),
+        pitch_rad,
+        roll_rad,
+        None if errors_m[0] is None or errors_m[1] is None else math.hypot(errors_m[0], errors_m[1]) / math.sqrt(2.0),
+        _standard_error(yaws_rad),
+    )
 
 
 def _unwrapped(angles_rad: Sequence[float]) -> list[float]:
@@ -178,9 +169,9 @@ def _unwrapped(angles_rad: Sequence[float]) -> list[float]:
     return [last_rad + math.remainder(angle_rad - last_rad, math.tau) for angle_rad in angles_rad]
 
 
-def _standard_error(values: Sequence[float]) -> float:
-    """Return the standard error of the median of ``values``; NaN for a single one."""
+def _standard_error(values: Sequence[float]) -> float | None:
+    """Return the standard error of the median of ``values``; None for a single one."""
     if len(values) < 2:
-        return math.nan
+        return None
     deviation = float(np.median(np.abs(np.array(values) - np.median(values))))
     return _MEDIAN_TO_MEAN * _MAD_TO_SD * deviation / math.sqrt(len(values))

@@ -7,14 +7,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from vvvaltr.controller.core.values import Pose, Trial
+from vvvaltr.controller.core.resting import RestingPose
+from vvvaltr.controller.core.values import Trial
+from vvvaltr.controller.loop.movement import resting_ends
+
+GREATEST_SPEED_M_S = 5.0
+"""Greatest speed that is taken for a measurement, wherever it comes from: fifty times that of the fastest gaits."""
 
 _RESOLUTION_M = 0.005  # steps of the path; finer ones would count the tracker's noise as movement
 
 
 def net_speed(trial: Trial) -> float:
     """Return the distance from start to end over the time driven: the score of the published experiments."""
-    return _distance_m(trial.poses[0], trial.poses[-1]) / trial.duration_s
+    start, end = _ends(trial)
+    return math.dist(start.position_m[:2], end.position_m[:2]) / trial.duration_s
 
 
 def path_speed(trial: Trial) -> float:
@@ -22,17 +28,18 @@ def path_speed(trial: Trial) -> float:
 
     The path is measured with dividers opened to 5 mm, so that the tracker's noise adds nothing.
     """
-    length_m, corner = 0.0, trial.poses[0]
-    for pose in trial.poses:
-        if _distance_m(corner, pose) >= _RESOLUTION_M:
-            length_m += _distance_m(corner, pose)
-            corner = pose
-    return (length_m + _distance_m(corner, trial.poses[-1])) / trial.duration_s
+    start, end = _ends(trial)
+    length_m, corner_m = 0.0, start.position_m[:2]
+    for place_m in (pose.position_m[:2] for pose in trial.poses):
+        if (step_m := math.dist(corner_m, place_m)) >= _RESOLUTION_M:
+            length_m += step_m
+            corner_m = place_m
+    return (length_m + math.dist(corner_m, end.position_m[:2])) / trial.duration_s
 
 
 def forward_speed(trial: Trial) -> float:
     """Return the speed in the direction in which the robot was heading at the start; negative is backward."""
-    start, end = trial.poses[0], trial.poses[-1]
+    start, end = _ends(trial)
     ahead_m = (end.position_m[0] - start.position_m[0]) * math.cos(start.yaw_rad)
     left_m = (end.position_m[1] - start.position_m[1]) * math.sin(start.yaw_rad)
     return (ahead_m + left_m) / trial.duration_s
@@ -59,12 +66,25 @@ def score(trial: Trial, name: str = "net") -> float:
     """Return the named score of ``trial`` in m/s.
 
     Raises:
-        ValueError: the trial is not valid: a failed measurement is not a number.
+        ValueError: the trial is not valid, or its score cannot be: a failed measurement is not a number.
     """
     if not trial.outcome.is_valid or trial.duration_s <= 0.0:
         raise ValueError(f"trial {trial.number} measured nothing ({trial.outcome}): it has no score")
-    return SCORES[name].measure(trial)
+    speed_m_s = SCORES[name].measure(trial)
+    check_speed(speed_m_s, f"trial {trial.number}")
+    return speed_m_s
 
 
-def _distance_m(one: Pose, other: Pose) -> float:
-    return math.hypot(one.position_m[0] - other.position_m[0], one.position_m[1] - other.position_m[1])
+def check_speed(speed_m_s: float, where: str) -> None:
+    """Raise ValueError, naming ``where`` it was found, for a speed that no such robot can have."""
+    if not abs(speed_m_s) <= GREATEST_SPEED_M_S:
+        raise ValueError(
+            f"{where}: a speed of {speed_m_s:.3g} m/s is not plausible (limit {GREATEST_SPEED_M_S:g} m/s); "
+            "check the unit of the positions"
+        )
+
+
+def _ends(trial: Trial) -> tuple[RestingPose, RestingPose]:
+    if (ends := resting_ends(trial)) is None:
+        raise ValueError(f"trial {trial.number} has no finite poses to score: it measured nothing")
+    return ends

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import gc
 import logging
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 
+from vvvaltr.controller.core.conditions import Conditions
 from vvvaltr.controller.core.errors import DeviceError, DeviceTimeout, LinkLost, SafetyStop, TrackingLost
 from vvvaltr.controller.core.protocols import Robot
+from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Command, Gait, MotorState, Outcome, Pose, Trial
+from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter, average_at_rest
 from vvvaltr.controller.loop.safety import Arena, Guard, HeadingGuard, make_arena_guard
 
 _LOG = logging.getLogger(__name__)
@@ -29,6 +33,9 @@ class TrialSettings:
         hold_s: time a command stays in force; the motors stop by themselves if the next one is later.
         arena: rectangle that the robot may not leave; None for no limit.
         heading_limit_rad: greatest change of heading; None for no limit.
+        rest_s: time the robot takes to come to rest after the drive; its end is measured then.
+        rest_poses: number of poses that start and end are averages of; 0 for the first and the last pose of the drive.
+        plausibility: limits of a plausible pose; None for any pose that is a number.
     """
 
     duration_s: float = 5.0
@@ -38,6 +45,9 @@ class TrialSettings:
     hold_s: float = 0.25
     arena: Arena | None = None
     heading_limit_rad: float | None = 1.0
+    rest_s: float = 0.25
+    rest_poses: int = 5
+    plausibility: Plausibility | None = field(default_factory=Plausibility)
 
     def guards(self) -> list[Guard]:
         """Return fresh guards for one trial."""
@@ -67,14 +77,15 @@ def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1
         TrialCrashed: the program failed; the exception holds the trial, which the caller records.
     """
     _LOG.debug("trial %d: %s for %g s", number, gait, settings.duration_s)
-    watch = _Watch(robot, settings.guards())
+    watch = _Watch(robot, settings)
     started_unix_s = time.time()
     problem: Exception | KeyboardInterrupt | None = None
     try:
         with _no_garbage_collection(), _motors_stopped_after(robot):
             robot.place(number)
-            robot.clock.sleep(settings.settle_s)
-            _drive(robot, gait, settings, watch)
+            watch.settle()
+            problem = _drive(robot, gait, settings, watch)
+        watch.come_to_rest()
     except (Exception, KeyboardInterrupt) as error:
         problem = error
     trial = Trial(
@@ -86,6 +97,9 @@ def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1
         poses=tuple(watch.poses),
         commands=tuple(watch.commands),
         states=tuple(watch.states),
+        conditions=Conditions(dropped_poses=watch.dropped_poses),
+        start=watch.start,
+        end=watch.end,
     )
     _LOG.info("trial %d: %s after %.2f s %s", number, trial.outcome, trial.duration_s, trial.reason)
     if trial.outcome is Outcome.CRASHED:
@@ -112,46 +126,82 @@ def _describe_ending(problem: Exception | KeyboardInterrupt | None) -> tuple[Out
             return Outcome.CRASHED, f"{type(problem).__name__}: {problem}"
 
 
-def _drive(robot: Robot, gait: Gait, settings: TrialSettings, watch: _Watch) -> None:
-    watch.begin()
-    while (left_s := settings.duration_s - watch.elapsed_s()) > 1e-6:
-        step_s = min(settings.period_s, left_s)
-        ramp = (watch.elapsed_s() + step_s) / settings.ramp_s if settings.ramp_s > 0 else 1.0
-        watch.command(gait.scaled(min(1.0, ramp)), settings.hold_s)
-        robot.clock.sleep(step_s)
-        watch.look()
+def _drive(robot: Robot, gait: Gait, settings: TrialSettings, watch: _Watch) -> SafetyStop | None:
+    """Drive for as long as asked; return the stop that cut the drive short but leaves it a measurement."""
+    try:
+        watch.begin()
+        while (left_s := settings.duration_s - watch.elapsed_s()) > 1e-6:
+            step_s = min(settings.period_s, left_s)
+            ramp = (watch.elapsed_s() + step_s) / settings.ramp_s if settings.ramp_s > 0 else 1.0
+            watch.command(gait.scaled(min(1.0, ramp)), settings.hold_s)
+            robot.clock.sleep(step_s)
+            watch.look()
+    except SafetyStop as stop:
+        if not stop.outcome.is_valid:
+            raise
+        return stop
+    return None
 
 
-@dataclass(slots=True)
 class _Watch:
     """Sends commands, reads the robot, and keeps both, with times in seconds since the drive began."""
 
-    robot: Robot
-    guards: list[Guard]
-    begin_s: float = 0.0
-    driven_s: float = 0.0
-    poses: list[Pose] = field(default_factory=list)
-    commands: list[Command] = field(default_factory=list)
-    states: list[MotorState] = field(default_factory=list)
+    def __init__(self, robot: Robot, settings: TrialSettings) -> None:
+        self.driven_s = 0.0
+        self.poses: list[Pose] = []
+        self.commands: list[Command] = []
+        self.states: list[MotorState] = []
+        self.start: RestingPose | None = None
+        self.end: RestingPose | None = None
+        self._robot = robot
+        self._settings = settings
+        self._guards = settings.guards()
+        self._filter = PoseFilter(settings.plausibility) if settings.plausibility else None
+        self._begin_s = 0.0
+        self._is_driving = False
+
+    @property
+    def dropped_poses(self) -> int:
+        return self._filter.dropped if self._filter else 0
+
+    def settle(self) -> None:
+        """Let the robot come to rest before the drive, and see where it lies."""
+        settings, clock = self._settings, self._robot.clock
+        count = min(settings.rest_poses, int(settings.settle_s / settings.period_s + 1e-9))
+        clock.sleep(settings.settle_s - count * settings.period_s)
+        if count:
+            self.start = average_at_rest(self._poses_at_rest(count))
+            if self._filter:
+                self._filter.begin_at(self.start, self._since_begin(clock.now_s()))
 
     def begin(self) -> None:
-        self.begin_s = self.robot.clock.now_s()
+        self._begin_s = self._robot.clock.now_s()
+        if self._filter and self.start:
+            self._filter.begin_at(self.start, 0.0)
+        self._is_driving = True
         try:
             self._look_at_pose()
         except SafetyStop as stop:
             raise SafetyStop(Outcome.FAULTED, f"before the drive began: {stop.reason}") from stop
 
+    def come_to_rest(self) -> None:
+        """Let the robot run down after the drive, and see where it has come to lie."""
+        self._is_driving = False
+        if self._settings.rest_poses:
+            self._robot.clock.sleep(self._settings.rest_s)
+            self.end = average_at_rest(self._poses_at_rest(self._settings.rest_poses))
+
     def elapsed_s(self) -> float:
-        return self._since_begin(self.robot.clock.now_s())
+        return self._since_begin(self._robot.clock.now_s())
 
     def command(self, gait: Gait, hold_s: float) -> None:
         self._check_held()
         self.commands.append(Command(self.elapsed_s(), gait, hold_s))
-        self.robot.motors.drive(gait, hold_s)
+        self._robot.motors.drive(gait, hold_s)
 
     def look(self) -> None:
         self._check_held()
-        state = self.robot.motors.state()
+        state = self._robot.motors.state()
         self.states.append(replace(state, t_s=self._since_begin(state.t_s)))
         self._look_at_pose()
 
@@ -161,19 +211,40 @@ class _Watch:
             raise DeviceTimeout(f"no command for {late_s:.2f} s, so the motors stopped; is the computer too busy?")
 
     def _look_at_pose(self) -> None:
-        pose = self.robot.tracker.pose()
-        if not pose.is_finite:
-            raise TrackingLost("the tracker reports a pose that is not a number")
-        pose = replace(pose, t_s=self._since_begin(pose.t_s))
-        self.poses.append(pose)
+        pose = self._plausible_pose()
         # By the runner's clock: a tracker's poses are a little old, at the start as at the end.
         self.driven_s = self.elapsed_s()
-        for guard in self.guards:
+        if pose is None:
+            return
+        self.poses.append(pose)
+        for guard in self._guards:
             guard(pose)
+
+    def _poses_at_rest(self, count: int) -> list[Pose]:
+        """Return the plausible ones of ``count`` poses, one a period. Raises TrackingLost if there is none."""
+        seen = []
+        for _ in range(count):
+            self._robot.clock.sleep(self._settings.period_s)
+            if (pose := self._plausible_pose()) is not None:
+                seen.append(pose)
+        if not seen:
+            raise TrackingLost("the tracker shows no plausible pose of the robot at rest; check what it sees")
+        return seen
+
+    def _plausible_pose(self) -> Pose | None:
+        """Return the present pose; None if it cannot be the robot's. Raises TrackingLost if that goes on."""
+        pose = self._robot.tracker.pose()
+        pose = replace(pose, t_s=self._since_begin(pose.t_s)) if math.isfinite(pose.t_s) else pose
+        if self._filter is None:
+            if not pose.is_finite:
+                raise TrackingLost("the tracker reports a pose that is not a number")
+            return pose
+        turns = self._is_driving and bool(self.states) and any(map(abs, self.states[-1].frequency_hz))
+        return pose if self._filter.accepts(pose, turns) else None
 
     def _since_begin(self, t_s: float) -> float:
         # Whole microseconds: the clock's own start must not reach the score through rounding.
-        return round(t_s - self.begin_s, 6)
+        return round(t_s - self._begin_s, 6)
 
 
 @contextmanager

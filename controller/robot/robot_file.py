@@ -12,7 +12,9 @@ from vvvaltr.controller.core.document import read_document, typed
 from vvvaltr.controller.core.errors import NotUnderstood
 from vvvaltr.controller.core.plug_ins import Registry
 from vvvaltr.controller.core.spelling import did_you_mean
+from vvvaltr.controller.loop.plausibility import Plausibility, plausible_speed_m_s
 from vvvaltr.controller.loop.safety import Arena, Limits
+from vvvaltr.controller.loop.scoring import GREATEST_SPEED_M_S
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.registry import DRIVERS
@@ -30,7 +32,10 @@ class ArenaTable(Table, frozen=True, kw_only=True):
 
 
 class TrialTable(Table, frozen=True, kw_only=True):
-    """How trials are run unless the command line says otherwise; see ``TrialSettings``."""
+    """How trials are run unless the command line says otherwise; see ``TrialSettings``.
+
+    ``max_speed_m_s`` is the greatest plausible speed of the robot; 0 for the one that follows from its motors.
+    """
 
     duration_s: Annotated[float, Meta(ge=0.1, le=3600)] = 5.0
     settle_s: Pause = 0.3
@@ -38,6 +43,8 @@ class TrialTable(Table, frozen=True, kw_only=True):
     period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.04
     hold_s: Annotated[float, Meta(gt=0, le=1)] = 0.25
     heading_limit_rad: Positive = 1.0
+    rest_s: Pause = 0.25
+    max_speed_m_s: Annotated[float, Meta(ge=0, le=GREATEST_SPEED_M_S)] = 0.0
 
 
 class SearchTable(Table, frozen=True, kw_only=True):
@@ -85,8 +92,10 @@ class RobotFile(Table, frozen=True, kw_only=True):
     @property
     def trial_settings(self) -> TrialSettings:
         """How trials are run."""
+        settings = msgspec.structs.asdict(self.trial)
+        max_speed_m_s = settings.pop("max_speed_m_s") or plausible_speed_m_s(max(self.limits.max_hz))
         arena = Arena(self.arena.x_m, self.arena.y_m) if self.arena else None
-        return TrialSettings(**msgspec.structs.asdict(self.trial), arena=arena)
+        return TrialSettings(**settings, arena=arena, plausibility=Plausibility(max_speed_m_s))
 
 
 def load_robot_file(path: Path) -> RobotFile:

@@ -15,11 +15,11 @@ from vvvaltr.controller.core.records import (
     Fit,
     LoggedTrial,
     Movement,
-    RestingPose,
     Review,
     SteeringStep,
     Verdict,
 )
+from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Command, MotorState, Outcome, Pose, Recommendation, Suggestion, Trial
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 from vvvaltr.controller.runs.schema.codec import decode_estimate, decode_gait, encode_estimate, encode_gait
@@ -46,6 +46,8 @@ def encode_trial(logged: LoggedTrial) -> pb.Trial:
         review=_encode_review(logged.review) if logged.review != Review() else None,
         fit=_where_known(logged.fit, _encode_fit),
         steering=_where_known(logged.steering, _encode_steering),
+        start=_where_known(trial.start, _encode_rest),
+        end=_where_known(trial.end, _encode_rest),
     )
 
 
@@ -68,6 +70,8 @@ def decode_trial(
         tuple(commands),
         tuple(states),
         _decode_conditions(message.conditions),
+        _decode_rest(message.start) if message.HasField("start") else None,
+        _decode_rest(message.end) if message.HasField("end") else None,
     )
     return LoggedTrial(
         suggestion,

@@ -288,7 +288,7 @@ class SteeringStep(_message.Message):
     def __init__(self, goal_x_m: _Optional[float] = ..., goal_y_m: _Optional[float] = ..., goal_yaw_rad: _Optional[float] = ..., predicted: _Optional[_Union[Displacement, _Mapping]] = ..., position_sd_m: _Optional[float] = ..., turn_sd_rad: _Optional[float] = ..., plan: _Optional[_Iterable[_Union[Gait, _Mapping]]] = ...) -> None: ...
 
 class Trial(_message.Message):
-    __slots__ = ("number", "gait", "outcome", "reason", "started_unix_s", "duration_s", "score_m_s", "recommendation", "movement", "applied", "conditions", "review", "fit", "steering")
+    __slots__ = ("number", "gait", "outcome", "reason", "started_unix_s", "duration_s", "score_m_s", "recommendation", "movement", "applied", "conditions", "review", "fit", "steering", "start", "end")
     NUMBER_FIELD_NUMBER: _ClassVar[int]
     GAIT_FIELD_NUMBER: _ClassVar[int]
     OUTCOME_FIELD_NUMBER: _ClassVar[int]
@@ -303,6 +303,8 @@ class Trial(_message.Message):
     REVIEW_FIELD_NUMBER: _ClassVar[int]
     FIT_FIELD_NUMBER: _ClassVar[int]
     STEERING_FIELD_NUMBER: _ClassVar[int]
+    START_FIELD_NUMBER: _ClassVar[int]
+    END_FIELD_NUMBER: _ClassVar[int]
     number: int
     gait: Gait
     outcome: str
@@ -317,4 +319,6 @@ class Trial(_message.Message):
     review: Review
     fit: Fit
     steering: SteeringStep
-    def __init__(self, number: _Optional[int] = ..., gait: _Optional[_Union[Gait, _Mapping]] = ..., outcome: _Optional[str] = ..., reason: _Optional[str] = ..., started_unix_s: _Optional[float] = ..., duration_s: _Optional[float] = ..., score_m_s: _Optional[float] = ..., recommendation: _Optional[_Union[Recommendation, _Mapping]] = ..., movement: _Optional[_Union[Movement, _Mapping]] = ..., applied: _Optional[_Union[AppliedFrequencies, _Mapping]] = ..., conditions: _Optional[_Union[Conditions, _Mapping]] = ..., review: _Optional[_Union[Review, _Mapping]] = ..., fit: _Optional[_Union[Fit, _Mapping]] = ..., steering: _Optional[_Union[SteeringStep, _Mapping]] = ...) -> None: ...
+    start: RestingPose
+    end: RestingPose
+    def __init__(self, number: _Optional[int] = ..., gait: _Optional[_Union[Gait, _Mapping]] = ..., outcome: _Optional[str] = ..., reason: _Optional[str] = ..., started_unix_s: _Optional[float] = ..., duration_s: _Optional[float] = ..., score_m_s: _Optional[float] = ..., recommendation: _Optional[_Union[Recommendation, _Mapping]] = ..., movement: _Optional[_Union[Movement, _Mapping]] = ..., applied: _Optional[_Union[AppliedFrequencies, _Mapping]] = ..., conditions: _Optional[_Union[Conditions, _Mapping]] = ..., review: _Optional[_Union[Review, _Mapping]] = ..., fit: _Optional[_Union[Fit, _Mapping]] = ..., steering: _Optional[_Union[SteeringStep, _Mapping]] = ..., start: _Optional[_Union[RestingPose, _Mapping]] = ..., end: _Optional[_Union[RestingPose, _Mapping]] = ...) -> None: ...

@@ -19,7 +19,7 @@ def walk(number: int, x_m: float = 0.0, **more: float) -> Pose:
 
 def new_filter() -> PoseFilter:
     poses = PoseFilter(Plausibility())
-    poses.begin_at(walk(0))
+    poses.begin_at(average_at_rest([walk(0)]), 0.0)
     return poses
 
 
@@ -107,18 +107,18 @@ def test_the_place_at_rest_does_not_move_with_an_outlier_and_says_how_sure_it_is
 
     rest = average_at_rest(poses)
 
-    assert rest.pose.position_m == pytest.approx((0.1, 0.0, 0.06), abs=2e-4)
-    assert rest.pose.yaw_rad == pytest.approx(3.1, abs=2e-3)
-    assert 0.00005 < rest.position_se_m < 0.0003
+    assert rest.position_m == pytest.approx((0.1, 0.0, 0.06), abs=2e-4)
+    assert rest.yaw_rad == pytest.approx(3.1, abs=2e-3)
+    assert rest.position_sd_m is not None and 0.00005 < rest.position_sd_m < 0.0003
 
 
 def test_the_place_at_rest_of_headings_across_the_turn_is_between_them() -> None:
     rest = average_at_rest([Pose(0.0, (0.0, 0.0, 0.0), yaw_rad=yaw) for yaw in (3.13, -3.13, 3.14)])
-    assert math.remainder(rest.pose.yaw_rad - 3.14, math.tau) == pytest.approx(0.0, abs=0.02)
+    assert math.remainder(rest.yaw_rad - 3.14, math.tau) == pytest.approx(0.0, abs=0.02)
 
 
 def test_one_pose_at_rest_leaves_its_error_unknown() -> None:
-    assert math.isnan(average_at_rest([walk(0)]).position_se_m)
+    assert average_at_rest([walk(0)]).position_sd_m is None
 
 
 def test_the_plausible_speed_is_ten_times_that_of_known_gaits() -> None:

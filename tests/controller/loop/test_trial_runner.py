@@ -1,5 +1,7 @@
 import gc
+import itertools
 import math
+from dataclasses import replace
 
 import pytest
 from scripted import ScriptedRobot, raising
@@ -7,6 +9,7 @@ from scripted import ScriptedRobot, raising
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost, TrackingLost
 from vvvaltr.controller.core.values import Gait, Outcome, Pose
 from vvvaltr.controller.loop.safety import Arena, GuardedRobot, Limits
+from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 
 GAIT = Gait((10.0, 8.0, 6.0))
@@ -20,7 +23,8 @@ def test_a_trial_settles_drives_for_its_time_and_stops() -> None:
 
     assert (trial.number, trial.gait, trial.outcome, trial.reason) == (7, GAIT, Outcome.COMPLETED, "")
     assert robot.placed == [7]
-    assert robot.t_s == pytest.approx(7000.0 + NO_RAMP.settle_s + 2.0)
+    rest_s = NO_RAMP.rest_s + NO_RAMP.rest_poses * NO_RAMP.period_s
+    assert robot.t_s == pytest.approx(7000.0 + NO_RAMP.settle_s + 2.0 + rest_s)
     assert trial.duration_s == 2.0
     assert trial.poses[0].t_s == 0.0
     assert trial.poses[-1].t_s == 2.0
@@ -174,7 +178,62 @@ def test_a_trial_in_which_a_command_ran_out_measured_nothing(where: str) -> None
 def test_no_garbage_is_collected_while_motors_turn() -> None:
     seen: list[bool] = []
 
-    run_trial(ScriptedRobot(at_s=0.0, event=lambda: seen.append(gc.isenabled())), GAIT, NO_RAMP)
+    robot = ScriptedRobot(at_s=0.0, event=lambda: seen.append(gc.isenabled()) if robot.is_running else None)
+    run_trial(robot, GAIT, NO_RAMP)
 
     assert set(seen) == {False}
     assert gc.isenabled()
+
+
+def test_start_and_end_are_averages_at_rest_and_say_how_sure_they_are() -> None:
+    noise = itertools.cycle((0.0002, -0.0001, 0.0, 0.0001, -0.0002))
+    robot = ScriptedRobot(at_s=-1e9, event=lambda: (robot.x_m + next(noise), 0.0, 0.0))
+
+    trial = run_trial(robot, GAIT, NO_RAMP)
+
+    assert trial.start is not None and trial.end is not None
+    assert trial.start.position_m[0] == pytest.approx(0.0, abs=1e-4)
+    assert trial.end.position_m[0] == pytest.approx(0.2, abs=1e-4)
+    assert all(0.0 < (rest.position_sd_m or 0.0) < 2e-4 for rest in (trial.start, trial.end))
+
+
+@pytest.mark.parametrize("x_m", [100.0, 0.4, 1e308, math.inf, math.nan])
+def test_a_single_impossible_pose_is_dropped_and_counted(x_m: float) -> None:
+    poses = itertools.count()
+    robot = ScriptedRobot(at_s=0.5, event=lambda: (x_m, 0.0, 0.0) if next(poses) == 3 else None)
+
+    trial = run_trial(robot, GAIT, NO_RAMP)
+
+    assert trial.outcome is Outcome.COMPLETED
+    assert trial.conditions.dropped_poses == 1
+    assert score(trial) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("x_m", [100.0, 0.4, 1e308, math.inf, math.nan])
+def test_impossible_poses_that_go_on_lose_the_tracker(x_m: float) -> None:
+    robot = ScriptedRobot(at_s=0.5, event=lambda: (x_m, 0.0, 0.0))
+
+    trial = run_trial(robot, GAIT, NO_RAMP)
+
+    assert trial.outcome is Outcome.TRACKING_LOST
+    assert "implausible" in trial.reason
+    assert trial.duration_s < 1.0
+    with pytest.raises(ValueError, match="no score"):
+        score(trial)
+
+
+def test_a_tracker_that_repeats_one_pose_while_motors_turn_is_lost() -> None:
+    robot = ScriptedRobot(at_s=0.5, event=lambda: (0.05, 0.0, 0.0))
+
+    trial = run_trial(robot, GAIT, NO_RAMP)
+
+    assert trial.outcome is Outcome.TRACKING_LOST
+    assert "to the last digit" in trial.reason
+
+
+def test_a_robot_that_creeps_away_faster_than_any_robot_has_no_score() -> None:
+    trial = run_trial(ScriptedRobot(speed_m_s_per_hz=1.0), GAIT, replace(NO_RAMP, plausibility=None))
+
+    assert trial.outcome is Outcome.COMPLETED
+    with pytest.raises(ValueError, match="not plausible"):
+        score(trial)

@@ -28,12 +28,12 @@ from vvvaltr.controller.core.records import (
     Fit,
     LoggedTrial,
     Movement,
-    RestingPose,
     Review,
     Run,
     SteeringStep,
     Verdict,
 )
+from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import (
     Command,
     Estimate,
@@ -112,6 +112,7 @@ def lists(each: st.SearchStrategy) -> st.SearchStrategy:
     return st.lists(each, max_size=3).map(tuple)
 
 
+rests = st.builds(RestingPose, vectors, numbers, numbers, numbers, maybe, maybe, counts)
 trials = st.builds(
     Trial,
     st.integers(1, 2**31),
@@ -124,10 +125,11 @@ trials = st.builds(
     lists(st.builds(Command, times, gaits, numbers)),
     lists(st.builds(MotorState, times, lists(numbers), st.booleans(), lists(numbers), lists(numbers))),
     st.builds(Conditions, maybe, maybe, st.booleans(), counts, maybe, maybe),
+    st.none() | rests,
+    st.none() | rests,
 )
 texts = st.text(max_size=5)
 names_and_numbers = st.dictionaries(texts, numbers, max_size=3)
-rests = st.builds(RestingPose, vectors, numbers, numbers, numbers, maybe, maybe, counts)
 displacements = st.builds(Displacement, numbers, numbers, numbers)
 logged_trials = st.builds(
     LoggedTrial,

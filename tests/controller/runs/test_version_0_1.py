@@ -45,7 +45,7 @@ def test_its_damage_counted_from_0_is_the_same_damage_counted_from_1() -> None:
     first = read_run(FIXTURES / "run").trials[0]
 
     robot = open_rig(config.robot, config.seed).robot
-    again = run_trial(robot, first.trial.gait, TrialSettings(config.duration_s), first.trial.number)
+    again = run_trial(robot, first.trial.gait, TrialSettings(config.duration_s, rest_poses=0), first.trial.number)
 
     assert config.robot.damage == ("snap:4", "lighten:3:0.5")
     assert score(again) == pytest.approx(first.score, rel=1e-3)
