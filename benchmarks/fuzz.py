@@ -70,7 +70,8 @@ def fuzz(decoder: Decoder, count: int, is_frames: bool, seed: int) -> tuple[int,
     return fed, longest_s
 
 
-def _abort() -> None:
+def abort() -> None:
+    """End at once: the decoder hangs."""
     print("the decoder hangs", flush=True)
     os._exit(1)
 
@@ -86,7 +87,7 @@ def main() -> None:
     arguments = parser.parse_args()
     figures: dict[str, float] = {}
     for decoder in make_decoders():
-        guard = threading.Timer(HANG_S, _abort)
+        guard = threading.Timer(HANG_S, abort)
         guard.daemon = True
         guard.start()
         is_frames = decoder.name in ("odrive host", "odrive device")

@@ -11,6 +11,7 @@ from vvvaltr.controller.core.values import Pose, Vector
 from vvvaltr.drivers.links.remote_clock import RemoteClock
 from vvvaltr.drivers.trackers.attitude import Angles, Matrix, angles_of, is_rotation
 
+_FARTHEST_M = 1000.0  # no laboratory is as large
 UNSEEN = "the tracker does not see the robot"
 
 
@@ -77,8 +78,8 @@ class NewestPose:
         received_s: float,
     ) -> bool:
         """Take in a frame that shows a rigid body: as ``take``. What is no place or no rotation is no pose."""
-        is_seen = all(map(math.isfinite, position_m)) and is_rotation(rotation)
-        if not is_seen:
+        is_near = all(abs(x_m) < _FARTHEST_M for x_m in position_m)  # which NaN is not
+        if not (is_near and is_rotation(rotation)):
             return self.take(frame, t_s, UNSEEN, received_s)
         self._last_rad = angles_of(rotation, self._last_rad)
         return self.take(frame, t_s, Pose(t_s, position_m, *self._last_rad, uncertainty_m=uncertainty_m), received_s)

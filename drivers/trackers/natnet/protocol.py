@@ -214,6 +214,8 @@ def _bodies(reader: _Reader, version: Version) -> dict[int, Body]:
     for _ in range(count):
         number, x, y, z, qx, qy, qz, qw, error_m, flags = BODY.unpack(reader.skip(BODY.size))
         bodies[number] = Body((x, y, z), (qx, qy, qz, qw), error_m, bool(flags & _TRACKED))
+    if len(bodies) != count:
+        raise ValueError("two rigid bodies with one id")
     return bodies
 
 
