@@ -196,6 +196,9 @@ class Substituted:
     def place(self, trial: int) -> None:
         """Do nothing: the robot stays where it is."""
 
+    def carry_on(self, trial: int) -> None:
+        """Is where it is."""
+
     def close(self) -> None:
         """Do nothing: whoever opened the robot closes it."""
 

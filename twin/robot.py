@@ -11,7 +11,7 @@ import numpy as np
 
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, MotorState, Pose, Quantity, Structure
-from vvvaltr.twin.engine import Engine
+from vvvaltr.twin.engine import Engine, Start
 from vvvaltr.twin.scatter import Scatter
 from vvvaltr.twin.world import sample_terrain
 
@@ -48,8 +48,17 @@ class TwinRobot:
 
     def place(self, trial: int) -> None:
         """Put the robot down again, with the scatter of this trial, a number >= 0. The clock continues."""
+        self.put_down(self._scatter.draw_start(stream(self._seed, trial, "start")))
+        self.carry_on(trial)
+
+    def put_down(self, start: Start) -> None:
+        """Put the robot down at a chosen place, at rest. The clock continues."""
         self.motors.stop()
-        self._driven.engine.reset(self._scatter.draw_start(stream(self._seed, trial, "start")))
+        self._driven.engine.reset(start)
+
+    def carry_on(self, trial: int) -> None:
+        """Begin a trial where the robot is, with this trial's scatter of motors and tracker; the number is >= 0."""
+        self.motors.stop()
         motors = stream(self._seed, trial, "motors")
         self._driven.begin(np.exp(motors.normal(0.0, self._scatter.frequency, len(self.max_hz))).tolist())
         self.tracker.random = stream(self._seed, trial, "tracker")

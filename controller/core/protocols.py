@@ -111,6 +111,10 @@ class Robot(Protocol):
         """Make the robot ready for a trial: a twin starts afresh, a lost link is opened again. Raises DeviceError."""
         ...
 
+    def carry_on(self, trial: int) -> None:
+        """Make the robot ready for a trial that begins where the robot is. Raises DeviceError."""
+        ...
+
     def close(self) -> None:
         """Stop the motors and let go of everything. Idempotent."""
         ...

@@ -114,6 +114,10 @@ class GuardedRobot:
         """Make the robot ready for a trial."""
         self._robot.place(trial)
 
+    def carry_on(self, trial: int) -> None:
+        """Make the robot ready for a trial that begins where it is."""
+        self._robot.carry_on(trial)
+
     def close(self) -> None:
         """Stop the motors and close all devices."""
         self._robot.close()

@@ -55,6 +55,11 @@ class ScriptedRobot:
         self.placed.append(trial)
         self._perhaps("place")
 
+    def carry_on(self, trial: int) -> None:
+        self.begin_s = 1e9
+        self.placed.append(trial)
+        self._perhaps("place")
+
     def now_s(self) -> float:
         return self.t_s
 

@@ -1,0 +1,306 @@
+"""Going somewhere: choose a movement, drive it, learn from it, choose again. Each primitive is a trial."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import count
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vvvaltr.controller.core.errors import SafetyStop, TrackingLost
+from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
+from vvvaltr.controller.core.records import LoggedTrial
+from vvvaltr.controller.core.streams import stream
+from vvvaltr.controller.core.values import Gait, Outcome, Pose, Structure, Suggestion, Trial
+from vvvaltr.controller.loop.safety import Guard
+from vvvaltr.controller.loop.scoring import score
+from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
+from vvvaltr.transfer.steering.belief import Belief
+from vvvaltr.transfer.steering.hypotheses import Knowledge
+from vvvaltr.transfer.steering.passage import passage
+from vvvaltr.transfer.steering.planner import Abilities, Border, Goal, Plan, plan
+from vvvaltr.transfer.steering.repertoire import Repertoire
+
+Array = NDArray[np.float64]
+
+ORIGIN = "going"
+"""Origin of the suggestions that lead somewhere."""
+
+_LONGEST_S = 12.0  # of a primitive
+_FIRST_LOOK_S = 1.0  # into a primitive, before which its own velocity is not known
+_BETWEEN_S = 0.4
+_DARING = 0.5  # share of what is not known that a plan may hope for
+_PATIENCE = 3  # failed primitives in a row after which somebody has to look at the robot
+_STUCK_M, _STUCK_RAD, _STUCK_S = 0.008, 0.15, 40.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """How going somewhere ended.
+
+    Args:
+        reached: whether the robot rests near enough to the last goal.
+        reason: why it was given up; empty where it was reached.
+        position_m: x and y where it rests.
+        yaw_rad: its heading there.
+        error_m: distance from the last goal.
+        duration_s: time the motors were driven.
+        primitives: how many movements.
+        goals: how many goals were reached.
+    """
+
+    reached: bool
+    reason: str
+    position_m: tuple[float, float]
+    yaw_rad: float
+    error_m: float
+    duration_s: float
+    primitives: int
+    goals: int
+
+
+class Steersman:
+    """Chooses movements by what is known, and learns from every one that was driven.
+
+    Args:
+        repertoire: the movements.
+        seed: of what is drawn.
+        border: that no plan crosses.
+        pause_s: time between two movements.
+    """
+
+    def __init__(self, repertoire: Repertoire, seed: int, border: Border | None, pause_s: float) -> None:
+        self.knowledge = Knowledge(repertoire)
+        self.gaits = repertoire.gaits
+        self._delay_s = repertoire.delay_s
+        self._seed, self._border, self._pause_s = seed, border, pause_s
+        self._place = {gait: index for index, gait in enumerate(self.gaits)}
+
+    def begin(self, number: int) -> None:
+        """Draw, for primitive ``number``, what its plans take the movements for."""
+        random = stream(self._seed, number, "steering")
+        self._belief = self.knowledge.draw(random)
+        velocities, drift = self._drawn(self._belief, random)
+        deviations = np.hypot(self._belief.scatter, self._belief.deviations)
+        self._able = Abilities(velocities, deviations, drift, self._delay_s, self._pause_s)
+
+    def plan(self, at: Array, goal: Goal) -> Plan:
+        """Return the way from a pose (3,) to the goal."""
+        return plan(at, goal, self._able, self._border)
+
+    def plan_underway(self, movement: int, poses: Sequence[Pose], goal: Goal) -> Plan:
+        """Return the way on from the last of ``poses``; its first step is -1 where the movement is to go on."""
+        velocity, _ = self._belief.underway(movement, passage(poses))
+        return plan(where(poses[-1]), goal, self._able, self._border, velocity)
+
+    def learn(self, trial: Trial) -> None:
+        """Learn from a driven movement."""
+        seen = passage(trial.poses)
+        if trial.outcome.is_valid and seen is not None and trial.gait in self._place:
+            self.knowledge.observe(self._place[trial.gait], seen)
+
+    @staticmethod
+    def _drawn(belief: Belief, random: np.random.Generator) -> tuple[Array, Array]:
+        velocities, drift = belief.drawn(random)
+        return belief.movements + _DARING * (velocities - belief.movements), belief.drift_m_s + _DARING * (
+            drift - belief.drift_m_s
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PrimitiveSettings(TrialSettings):
+    """How a primitive is run: as a trial that a further guard looks at."""
+
+    watch: Guard | None = None
+
+    def guards(self) -> list[Guard]:
+        """Return fresh guards."""
+        return TrialSettings.guards(self) + ([self.watch] if self.watch else [])
+
+
+@dataclass(slots=True)
+class Watch:
+    """Ends a primitive at the goal, or where another movement is better by now."""
+
+    steersman: Steersman
+    movement: int
+    goal: Goal
+    until_s: float
+    seen: list[Pose] = field(default_factory=list)
+    look_s: float = _FIRST_LOOK_S
+
+    def __call__(self, pose: Pose) -> None:
+        """Look at one pose. Raises SafetyStop."""
+        self.seen.append(pose)
+        if self.goal.is_reached(where(pose), 0.85):
+            raise SafetyStop(Outcome.CUT_SHORT, "at the goal")
+        if pose.t_s < self.look_s - 1e-6:
+            return
+        self.look_s = pose.t_s + _BETWEEN_S
+        way = self.steersman.plan_underway(self.movement, self.seen, self.goal)
+        if not way.steps or way.steps[0][0] >= 0:
+            raise SafetyStop(Outcome.CUT_SHORT, "another movement is better from here")
+
+
+class _Staying:
+    """A robot that nobody puts back between trials."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self.motors: MotorDriver = robot.motors
+        self.tracker: Tracker = robot.tracker
+        self.clock: Clock = robot.clock
+        self.structure: Structure | None = robot.structure
+
+    def place(self, trial: int) -> None:
+        self._robot.carry_on(trial)
+
+    def carry_on(self, trial: int) -> None:
+        self._robot.carry_on(trial)
+
+    def close(self) -> None:
+        self._robot.close()
+
+
+def where(pose: Pose) -> Array:
+    """Return x, y and yaw of a pose, shape (3,)."""
+    return np.array([pose.position_m[0], pose.position_m[1], pose.yaw_rad])
+
+
+class Journey:
+    """A robot on its way along goals.
+
+    Args:
+        robot: with guarded motors.
+        steersman: chooses the movements.
+        goals: in their order.
+        settings: how a primitive is run; its duration is the longest one.
+        budget_s: driving time that each goal may take.
+        record: keeps a primitive for good before the next begins.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        steersman: Steersman,
+        goals: Sequence[Goal],
+        settings: TrialSettings,
+        budget_s: float,
+        record: Callable[[LoggedTrial], None],
+    ) -> None:
+        self._robot = _Staying(robot)
+        self._steersman, self._goals, self._settings = steersman, tuple(goals), settings
+        self._budget_s, self._record = budget_s, record
+        self.trials: list[LoggedTrial] = []
+        self._reached = 0
+        self._spent_s = 0.0
+        self._failures = 0
+        self._reason = ""
+        self._last = Pose(0.0, (0.0, 0.0, 0.0))
+
+    def go(self, first: int = 1) -> Iterator[LoggedTrial]:
+        """Drive, from where the robot is; yields each primitive once it is recorded.
+
+        Args:
+            first: number of the first primitive.
+
+        Raises:
+            KeyboardInterrupt: the operator interrupted a primitive; it has been recorded.
+            TrackingLost: the robot cannot be seen at the start.
+            TrialCrashed: the program failed during a primitive; it has been recorded.
+        """
+        self._last = self._robot.tracker.pose()
+        for number in count(first):
+            if self._is_over():
+                return
+            logged = self._primitive(number)
+            if logged is None:
+                return
+            yield logged
+
+    @property
+    def ending(self) -> Ending:
+        """How it ended."""
+        goal = self._goals[min(self._reached, len(self._goals) - 1)]
+        x_m, y_m, _ = self._last.position_m
+        error_m = float(goal.distance_m(x_m, y_m))
+        driven_s = sum(logged.trial.duration_s for logged in self.trials)
+        reached = self._reached == len(self._goals)
+        yaw = self._last.yaw_rad
+        return Ending(reached, self._reason, (x_m, y_m), yaw, error_m, driven_s, len(self.trials), self._reached)
+
+    def _is_over(self) -> bool:
+        while self._reached < len(self._goals) and self._goals[self._reached].is_reached(where(self._last)):
+            self._reached += 1
+            self._spent_s = 0.0
+        if self._reached == len(self._goals) or self._reason:
+            return True
+        if self._spent_s >= self._budget_s:
+            self._reason = f"not there after {self._budget_s:g} s of driving; allow more by --time"
+        elif self._is_stuck():
+            self._reason = (
+                f"stuck: the robot has moved by less than {1000 * _STUCK_M:g} mm in {_STUCK_S:g} s of driving"
+            )
+        return bool(self._reason)
+
+    def _primitive(self, number: int) -> LoggedTrial | None:
+        goal = self._goals[self._reached]
+        self._steersman.begin(number)
+        way = self._steersman.plan(where(self._last), goal)
+        if not way.steps:
+            self._reason = "no movement of the repertoire brings the robot nearer; try more gaits"
+            return None
+        movement, duration_s = way.steps[0]
+        gait = self._steersman.gaits[movement]
+        watch = Watch(self._steersman, movement, goal, duration_s)
+        suggestion = Suggestion(gait, ORIGIN, None, {"goal_x_m": goal.x_m, "goal_y_m": goal.y_m})
+        try:
+            trial = run_trial(self._robot, gait, self._with(watch), number)
+        except TrialCrashed as crash:
+            self._record(LoggedTrial(suggestion, crash.trial, None, None))
+            raise
+        logged = LoggedTrial(suggestion, trial, score(trial) if trial.outcome.is_valid else None, None)
+        self._record(logged)
+        self._take(logged)
+        return logged
+
+    def _with(self, watch: Watch) -> PrimitiveSettings:
+        names = (name for name in TrialSettings.__dataclass_fields__)
+        common = {name: getattr(self._settings, name) for name in names}
+        return PrimitiveSettings(**{**common, "heading_limit_rad": None, "duration_s": _LONGEST_S}, watch=watch)
+
+    def _take(self, logged: LoggedTrial) -> None:
+        trial = logged.trial
+        self.trials.append(logged)
+        self._spent_s += trial.duration_s
+        if trial.outcome is Outcome.INTERRUPTED:
+            raise KeyboardInterrupt(trial.reason)
+        self._failures = 0 if trial.outcome.is_valid else self._failures + 1
+        if self._failures >= _PATIENCE:
+            self._reason = (
+                f"{self._failures} primitives in a row failed, the last one so: {trial.outcome}: {trial.reason}"
+            )
+        self._steersman.learn(trial)
+        self._robot.clock.sleep(self._settings.settle_s)
+        try:
+            self._last = self._robot.tracker.pose()
+        except TrackingLost as lost:
+            self._last = trial.poses[-1] if trial.poses else self._last
+            self._failures += 1
+            if self._failures >= _PATIENCE:
+                self._reason = f"the tracker has lost the robot: {lost}"
+
+    def _is_stuck(self) -> bool:
+        recent, driven_s = [], 0.0
+        for logged in reversed(self.trials):
+            recent.append(logged.trial)
+            driven_s += logged.trial.duration_s
+            if driven_s >= _STUCK_S:
+                break
+        if driven_s < _STUCK_S:
+            return False
+        path = np.array([where(pose) for trial in recent for pose in trial.poses])
+        return bool((np.ptp(path[:, :2], axis=0) < _STUCK_M).all() and np.ptp(path[:, 2]) < _STUCK_RAD)

@@ -1,0 +1,132 @@
+"""What is believed of all movements and of the floor's drift together, and how a driven gait changes it.
+
+A movement is a velocity in the robot's own frame: forward, left (m/s) and turn (rad/s). While a gait is driven the centre of
+the robot moves by
+
+    dp/dt = R(yaw) (v_i + e) + s,    d yaw/dt = w_i + e_w
+
+with v_i, w_i of the gait, s the floor's drift, the same for all gaits, and e what differs from trial to trial but stays within
+one. All of it is linear in (v, w, s), so that the posterior is a Gaussian and its update that of a Kalman filter [1]. The
+turning within a trial alone tells v from s.
+
+[1] S. Thrun, W. Burgard, D. Fox, Probabilistic Robotics, MIT Press 2005, section 3.2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vvvaltr.transfer.steering.passage import Passage
+
+Array = NDArray[np.float64]
+
+_WANDER_M = 0.0015  # of the path about an even walk, after a second
+_WANDER_RAD = 0.03
+_DRIFT_SHARE = 0.35  # by which the drift of one gait differs from the floor's
+_TAIL = 4.0  # degrees of freedom of Student's t: one bad trial says little
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """A Gaussian over n movements and the floor's drift.
+
+    Args:
+        mean: (3 n + 2,) forward, left, turn of each movement in turn, then the drift's x and y.
+        covariance: (3 n + 2, 3 n + 2).
+        scatter: (n, 3) standard deviation from trial to trial of forward, left and turn.
+    """
+
+    mean: Array
+    covariance: Array
+    scatter: Array
+
+    @property
+    def movements(self) -> Array:
+        """Means of forward, left (m/s) and turn (rad/s), shape (n, 3)."""
+        return self.mean[:-2].reshape(-1, 3)
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of the movements' means, shape (n, 3)."""
+        return np.sqrt(np.diag(self.covariance)[:-2].reshape(-1, 3))
+
+    @property
+    def drift_m_s(self) -> Array:
+        """Mean of the floor's drift, shape (2,)."""
+        return self.mean[-2:]
+
+    def aged(self, movements: Array, drift_m_s: float) -> Belief:
+        """Return the belief after things may have changed.
+
+        Args:
+            movements: (n, 3) standard deviations of the change of each movement.
+            drift_m_s: of the drift's.
+        """
+        added = np.concatenate([movements.ravel(), [drift_m_s, drift_m_s]])
+        return replace(self, covariance=self.covariance + np.diag(added**2))
+
+    def observed(self, movement: int, seen: Passage) -> tuple[Belief, float]:
+        """Return the belief after a driven gait, and the logarithm of how probable what was seen had been.
+
+        What is improbable counts less, as with noise of Student's distribution, so that one bad trial does no harm.
+        """
+        index = self._index(movement)
+        h, y, noise = _linear(seen)
+        within = h[:, :3] * self.scatter[movement]
+        drift = h[:, 3:] * _DRIFT_SHARE * float(np.hypot(*self.drift_m_s))
+        noise = noise + within @ within.T + drift @ drift.T
+        error = y - h @ self.mean[index]
+        prior = h @ self.covariance[np.ix_(index, index)] @ h.T
+        expected = prior + noise
+        surprise = float(error @ np.linalg.solve(expected, error))
+        log_density = _log_student(surprise, expected)
+        # Only the excess over what is usual for so many numbers is taken for an outlier.
+        excess = max(1.0, (_TAIL + surprise) / (_TAIL + 2.0 * len(y)))
+        gain = np.linalg.solve(prior + excess * noise, h @ self.covariance[index]).T
+        covariance = self.covariance - gain @ (h @ self.covariance[index])
+        return replace(self, mean=self.mean + gain @ error, covariance=0.5 * (covariance + covariance.T)), log_density
+
+    def underway(self, movement: int, seen: Passage | None) -> tuple[Array, Array]:
+        """Return velocity (3,) and drift (2,) of the trial that is being driven, with what has been seen of it."""
+        index = self._index(movement)
+        mean = self.mean[index]
+        covariance = self.covariance[np.ix_(index, index)] + np.diag([*self.scatter[movement] ** 2, 0.0, 0.0])
+        if seen is not None:
+            h, y, noise = _linear(seen)
+            gain = np.linalg.solve(h @ covariance @ h.T + noise, h @ covariance).T
+            mean = mean + gain @ (y - h @ mean)
+        return mean[:3], mean[3:]
+
+    def drawn(self, random: np.random.Generator) -> tuple[Array, Array]:
+        """Return movements (n, 3) and drift (2,) drawn from the belief: Thompson sampling tries what may be good."""
+        numbers = random.multivariate_normal(self.mean, self.covariance, method="cholesky", check_valid="ignore")
+        return numbers[:-2].reshape(-1, 3), numbers[-2:]
+
+    def _index(self, movement: int) -> Array:
+        n = len(self.mean)
+        return np.array([3 * movement, 3 * movement + 1, 3 * movement + 2, n - 2, n - 1])
+
+
+def _linear(seen: Passage) -> tuple[Array, Array, Array]:
+    """Return h, y and the noise's covariance of y = h (forward, left, turn, drift x, drift y) + noise."""
+    pieces = len(seen.duration_s)
+    h = np.zeros((2 * pieces + 1, 5))
+    h[:-1, :2] = (seen.duration_s[:, None, None] * seen.rotation).reshape(-1, 2)
+    h[:-1, 3] = np.repeat(seen.duration_s, 2) * np.tile([1.0, 0.0], pieces)
+    h[:-1, 4] = np.repeat(seen.duration_s, 2) * np.tile([0.0, 1.0], pieces)
+    h[-1, 2] = seen.total_s
+    y = np.append(seen.moved_m.ravel(), seen.turned_rad)
+    variances = np.append(_WANDER_M**2 * np.repeat(seen.duration_s, 2), _WANDER_RAD**2 * seen.total_s)
+    return h, y, np.diag(variances)
+
+
+def _log_student(surprise: float, expected: Array) -> float:
+    """Return the logarithm of the density of Student's t of the covariance's shape."""
+    size = len(expected)
+    of_size = math.lgamma(0.5 * (_TAIL + size)) - math.lgamma(0.5 * _TAIL) - 0.5 * size * math.log(math.pi * _TAIL)
+    tail = 0.5 * (_TAIL + size) * math.log1p(surprise / _TAIL)
+    return of_size - 0.5 * float(np.linalg.slogdet(expected)[1]) - tail

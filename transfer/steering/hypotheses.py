@@ -1,0 +1,116 @@
+"""What a repertoire from elsewhere is worth here: several hypotheses, weighed by what they foretell of each driven gait.
+
+Each hypothesis says how the movements here come from those of the repertoire,
+
+    v_i = c v0_i + own_i,    w_i = a w0_i + own_i
+
+with a complex factor c common to all movements (strength, and a turn of the robot's frame), a factor a of the turns, and a
+correction of each movement of its own; further how strong the floor's drift may be, and how fast all of it may change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vvvaltr.transfer.steering.belief import Belief
+from vvvaltr.transfer.steering.passage import Passage
+from vvvaltr.transfer.steering.repertoire import Repertoire
+
+Array = NDArray[np.float64]
+
+_CHANGE = 0.02  # probability that from one primitive to the next another hypothesis becomes the right one
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """How things here differ from where the repertoire was learned; shares are of the movements' usual size.
+
+    Args:
+        name: in one word.
+        weight: its probability before anything is seen.
+        factor: what is left of the old movements.
+        common: standard deviation of the common factors.
+        own: standard deviation of each movement's own correction.
+        drift: of the floor's drift.
+        unrest: of each movement's change from one primitive to the next.
+        drift_unrest: of the drift's change.
+    """
+
+    name: str
+    weight: float
+    factor: float
+    common: float
+    own: float
+    drift: float
+    unrest: float
+    drift_unrest: float
+
+    def belief(self, repertoire: Repertoire) -> Belief:
+        """Return what this hypothesis makes of the repertoire."""
+        known = repertoire.belief()
+        size = usual_size(repertoire.velocities)
+        v = known.movements
+        common = np.zeros((3, *v.shape))
+        common[0, :, :2], common[1, :, :2] = v[:, :2], np.stack([-v[:, 1], v[:, 0]], axis=1)
+        common[2, :, 2] = v[:, 2]
+        directions = common.reshape(3, -1) * self.common
+        covariance = self.factor**2 * known.covariance
+        covariance[:-2, :-2] += directions.T @ directions + np.diag(np.tile((self.own * size) ** 2, len(v)))
+        covariance[-2:, -2:] = (self.drift * size[0]) ** 2 * np.eye(2)
+        mean = np.append(self.factor * known.mean[:-2], known.mean[-2:])
+        return replace(known, mean=mean, covariance=covariance)
+
+
+HYPOTHESES = (
+    Hypothesis("alike", 0.5, factor=1.0, common=0.1, own=0.05, drift=0.15, unrest=0.02, drift_unrest=0.02),
+    Hypothesis("floor", 0.3, factor=1.0, common=0.3, own=0.25, drift=1.0, unrest=0.04, drift_unrest=0.2),
+    Hypothesis("body", 0.2, factor=0.3, common=0.6, own=0.9, drift=0.5, unrest=0.08, drift_unrest=0.1),
+)
+
+
+def usual_size(velocities: Array) -> Array:
+    """Return the usual size of forward, left (m/s, alike) and turn (rad/s), shape (3,)."""
+    along = np.sqrt(np.mean(velocities[:, :2] ** 2)) if len(velocities) else 0.0
+    turn = np.sqrt(np.mean(velocities[:, 2] ** 2)) if len(velocities) else 0.0
+    return np.maximum([along, along, turn], [1e-4, 1e-4, 1e-3])
+
+
+class Knowledge:
+    """What is believed of movements and floor, updated by every driven primitive."""
+
+    def __init__(self, repertoire: Repertoire, hypotheses: Sequence[Hypothesis] = HYPOTHESES) -> None:
+        self._hypotheses = tuple(hypotheses)
+        self._prior = np.array([hypothesis.weight for hypothesis in hypotheses]) / sum(h.weight for h in hypotheses)
+        self._size = usual_size(repertoire.velocities)
+        self.beliefs = [hypothesis.belief(repertoire) for hypothesis in hypotheses]
+        self.weights = self._prior.copy()
+
+    @property
+    def likely(self) -> Belief:
+        """What the most probable hypothesis believes."""
+        return self.beliefs[int(np.argmax(self.weights))]
+
+    @property
+    def likely_name(self) -> str:
+        """The most probable hypothesis."""
+        return self._hypotheses[int(np.argmax(self.weights))].name
+
+    def observe(self, movement: int, seen: Passage) -> None:
+        """Learn from a driven primitive."""
+        log_weights = np.log((1.0 - _CHANGE) * self.weights + _CHANGE * self._prior)
+        shape = self.likely.movements.shape
+        for index, hypothesis in enumerate(self._hypotheses):
+            changes = np.broadcast_to(hypothesis.unrest * self._size, shape)
+            aged = self.beliefs[index].aged(changes, hypothesis.drift_unrest * self._size[0])
+            self.beliefs[index], log_density = aged.observed(movement, seen)
+            log_weights[index] += log_density
+        weights = np.exp(log_weights - log_weights.max())
+        self.weights = weights / weights.sum()
+
+    def draw(self, random: np.random.Generator) -> Belief:
+        """Return one of the beliefs, drawn by its weight."""
+        return self.beliefs[int(random.choice(len(self.beliefs), p=self.weights))]

@@ -1,0 +1,283 @@
+"""From a place to another by a sequence of movements: a beam search over (x, y, yaw) for the least expected time.
+
+A movement may be driven for any of some durations. Along it the robot moves by the exponential of its velocity,
+
+    p(t) = p + R(yaw) W(w t) v t + s t,    W(a) = [[sin a, cos a - 1], [1 - cos a, sin a]] / a
+
+What is left at the end of a sequence is charged by the distance left over the speed at which the repertoire gets along.
+The distance is that of a robot that may have gone wrong in its last movement by as much as this movement scatters.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+DURATIONS_S = (1.0, 1.5, 2.2, 3.2, 4.5, 6.5, 9.0)
+_WIDTH = 96
+_DEPTH = 4
+_SIDEWAYS = 0.6  # of a movement's deviation that stopping at the best point cannot make good
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Where to go.
+
+    Args:
+        x_m, y_m: the place.
+        within_m: how near is near enough.
+        yaw_rad: the heading to arrive with; None for any.
+        within_rad: how near to it is near enough.
+    """
+
+    x_m: float
+    y_m: float
+    within_m: float = 0.02
+    yaw_rad: float | None = None
+    within_rad: float = 0.2
+
+    def distance_m(self, x_m: Array | float, y_m: Array | float) -> Array:
+        """Return the distance from places."""
+        return np.hypot(np.asarray(x_m) - self.x_m, np.asarray(y_m) - self.y_m)
+
+    def turn_rad(self, yaw_rad: Array | float) -> Array:
+        """Return by how much headings differ from the wanted one, 0 where any is right."""
+        if self.yaw_rad is None:
+            return np.zeros(np.shape(yaw_rad))
+        return np.abs((np.asarray(yaw_rad) - self.yaw_rad + math.pi) % math.tau - math.pi)
+
+    def is_reached(self, pose: Array, share: float = 1.0) -> bool:
+        """Whether x, y, yaw are near enough; ``share`` of the tolerance is allowed."""
+        near = float(self.distance_m(pose[0], pose[1])) <= share * self.within_m
+        return near and float(self.turn_rad(pose[2])) <= share * self.within_rad
+
+
+@dataclass(frozen=True, slots=True)
+class Border:
+    """The rectangle that no plan crosses: lowest and highest x and y."""
+
+    x_m: tuple[float, float]
+    y_m: tuple[float, float]
+
+    def holds(self, x_m: Array, y_m: Array, margin_m: Array | float) -> NDArray[np.bool_]:
+        """Return which places are inside by a margin."""
+        return (
+            (x_m >= self.x_m[0] + margin_m)
+            & (x_m <= self.x_m[1] - margin_m)
+            & (y_m >= self.y_m[0] + margin_m)
+            & (y_m <= self.y_m[1] - margin_m)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Abilities:
+    """What can be done now.
+
+    Args:
+        velocities: (n, 3) forward, left, turn per second.
+        deviations: (n, 3) by how much a single drive may differ from them.
+        drift_m_s: (2,) the floor's.
+        delay_s: time at the start of a movement in which nothing moves.
+        pause_s: time between two movements.
+    """
+
+    velocities: Array
+    deviations: Array
+    drift_m_s: Array
+    delay_s: float
+    pause_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A sequence of movements, counted from 0, and how long each is driven.
+
+    Args:
+        steps: movement and duration in s. The movement is -1 where the one underway is to go on.
+        expected_s: time to the goal.
+        poses: (steps, 3) expected x, y, yaw after each.
+        spreads_m: (steps,) by how much the place after each may differ.
+    """
+
+    steps: tuple[tuple[int, float], ...]
+    expected_s: float
+    poses: Array
+    spreads_m: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Actions:
+    """Movements with durations: what each does to a robot at the origin that heads along x."""
+
+    movement: NDArray[np.int64]
+    duration_s: Array
+    cost_s: Array
+    own_m: Array  # (actions, 2)
+    halfway_m: Array  # (actions, 2)
+    drift_m: Array  # (actions, 2)
+    turn_rad: Array
+    spread_m: Array
+
+    def joined(self, other: _Actions) -> _Actions:
+        pairs = ((getattr(self, name), getattr(other, name)) for name in self.__dataclass_fields__)
+        return _Actions(*(np.concatenate(pair) for pair in pairs))
+
+
+def travel(velocities: Array, duration_s: Array) -> tuple[Array, Array]:
+    """Return displacement (..., 2) in the frame at the start, and turn, of velocities (..., 3) over durations (...)."""
+    turn = velocities[..., 2] * duration_s
+    small = np.abs(turn) < 1e-4
+    safe = np.where(small, 1.0, turn)
+    along, across = np.where(small, 1.0, np.sin(safe) / safe), np.where(small, 0.5 * turn, (1.0 - np.cos(safe)) / safe)
+    forward, left = velocities[..., 0] * duration_s, velocities[..., 1] * duration_s
+    return np.stack([along * forward - across * left, across * forward + along * left], axis=-1), turn
+
+
+def plan(
+    start: Array, goal: Goal, able: Abilities, border: Border | None = None, underway: Array | None = None
+) -> Plan:
+    """Return the best sequence found, empty where nothing helps.
+
+    Args:
+        start: (3,) x, y, yaw now.
+        goal: where to go.
+        able: what can be done.
+        border: not crossed by any expected path; None for none.
+        underway: (3,) velocity of the movement that is being driven, which may go on without delay or pause.
+    """
+    menu = _actions(able, able.velocities, able.deviations, able.delay_s, able.pause_s, np.arange(len(able.velocities)))
+    first = menu
+    if underway is not None:
+        on = _actions(able, underway[None], 0.3 * able.deviations.min(axis=0)[None], 0.0, 0.0, np.array([-1]))
+        first = menu.joined(on)
+    search = _Search(goal, able.drift_m_s, border, *_speeds(able))
+    nodes = _Nodes.at(start, search)
+    layers: list[_Nodes] = [nodes]
+    for depth in range(_DEPTH):
+        width = len(first.movement) if depth == 0 else _WIDTH
+        nodes = search.expanded(nodes, first if depth == 0 else menu, width)
+        layers.append(nodes)
+        if not len(nodes.cost_s):
+            break
+    return _best(layers, first, menu)
+
+
+def _actions(
+    able: Abilities, velocities: Array, deviations: Array, delay_s: float, pause_s: float, names: NDArray[np.int64]
+) -> _Actions:
+    durations = np.array(DURATIONS_S)
+    if delay_s == 0.0:
+        durations = np.concatenate([[0.5], durations])
+    count = len(durations)
+    v, sd = np.repeat(velocities, count, axis=0), np.repeat(deviations, count, axis=0)
+    t = np.tile(durations, len(velocities))
+    moving_s = np.maximum(t - delay_s, 0.0)
+    own_m, turn = travel(v, moving_s)
+    halfway_m, _ = travel(v, 0.5 * moving_s)
+    drift_m = moving_s[:, None] * able.drift_m_s
+    length_m = np.hypot(v[:, 0], v[:, 1]) * moving_s
+    spread_m = np.hypot(np.hypot(sd[:, 0], sd[:, 1]) * moving_s, 0.5 * length_m * np.minimum(sd[:, 2] * moving_s, 2.0))
+    return _Actions(np.repeat(names, count), t, t + pause_s, own_m, halfway_m, drift_m, turn, spread_m)
+
+
+def _speeds(able: Abilities) -> tuple[float, float]:
+    """Return the speed at which the repertoire gets along and the one at which it turns."""
+    chords_m, _ = travel(able.velocities, np.full(len(able.velocities), 5.0))
+    along = np.sort(np.hypot(chords_m[:, 0], chords_m[:, 1]))[-3:].mean() / (5.0 + able.pause_s)
+    turning = np.sort(np.abs(able.velocities[:, 2]))[-3:].mean()
+    return max(0.7 * float(along), 1e-4), max(0.7 * float(turning), 1e-3)
+
+
+@dataclass(frozen=True, slots=True)
+class _Nodes:
+    """Where sequences of one length end."""
+
+    pose: Array  # (nodes, 3)
+    time_s: Array
+    cost_s: Array  # with what is left to the goal
+    spread_m: Array
+    parent: NDArray[np.int64]
+    action: NDArray[np.int64]
+
+    @classmethod
+    def at(cls, start: Array, search: _Search) -> _Nodes:
+        pose, zero = start[None].astype(float), np.zeros(1)
+        none = np.full(1, -1)
+        return cls(pose, zero, search.rest_s(pose[:, 0], pose[:, 1], pose[:, 2], zero), zero, none, none)
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    goal: Goal
+    drift_m_s: Array
+    border: Border | None
+    speed_m_s: float
+    turning_rad_s: float
+
+    def rest_s(self, x_m: Array, y_m: Array, yaw_rad: Array, spread_m: Array) -> Array:
+        """Return the time that is expected to be needed from places on."""
+        goal = self.goal
+        dx, dy = goal.x_m - x_m, goal.y_m - y_m
+        away_m = np.hypot(dx, dy)
+        helped = (dx * self.drift_m_s[0] + dy * self.drift_m_s[1]) / np.maximum(away_m, 1e-6)
+        speed = np.maximum(self.speed_m_s + helped, 0.3 * self.speed_m_s)
+        off_m = np.sqrt(away_m**2 + (_SIDEWAYS * spread_m) ** 2)
+        rest = np.maximum(off_m - 0.7 * goal.within_m, 0.0) / speed
+        rest += 1.5 * (off_m > goal.within_m)
+        if goal.yaw_rad is not None:
+            rest += np.maximum(goal.turn_rad(yaw_rad) - 0.7 * goal.within_rad, 0.0) / self.turning_rad_s
+        return rest
+
+    def expanded(self, nodes: _Nodes, actions: _Actions, width: int) -> _Nodes:
+        """Return the best nodes that are one action further."""
+        cosine, sine = np.cos(nodes.pose[:, 2])[:, None], np.sin(nodes.pose[:, 2])[:, None]
+        own, drift = actions.own_m, actions.drift_m
+        x = nodes.pose[:, :1] + (cosine * own[:, 0] - sine * own[:, 1] + drift[:, 0])
+        y = nodes.pose[:, 1:2] + (sine * own[:, 0] + cosine * own[:, 1] + drift[:, 1])
+        yaw = nodes.pose[:, 2:] + actions.turn_rad
+        time_s = nodes.time_s[:, None] + actions.cost_s
+        cost = time_s + self.rest_s(x, y, yaw, actions.spread_m)
+        if self.border is not None:
+            cost[self._crossing(nodes, actions, cosine, sine, x, y)] = np.inf
+        flat = cost.ravel()
+        chosen = np.argpartition(flat, width)[:width] if flat.size > width else np.arange(flat.size)
+        chosen = chosen[np.isfinite(flat[chosen])]
+        parent, action = np.divmod(chosen, len(actions.turn_rad))
+        pose = np.stack([x.ravel()[chosen], y.ravel()[chosen], yaw.ravel()[chosen]], axis=1)
+        return _Nodes(pose, time_s.ravel()[chosen], flat[chosen], actions.spread_m[action], parent, action)
+
+    def _crossing(
+        self, nodes: _Nodes, actions: _Actions, cosine: Array, sine: Array, x: Array, y: Array
+    ) -> NDArray[np.bool_]:
+        """Return which actions end beyond the border or go through it, or might."""
+        assert self.border is not None
+        half = actions.halfway_m
+        x_half = nodes.pose[:, :1] + (cosine * half[:, 0] - sine * half[:, 1] + 0.5 * actions.drift_m[:, 0])
+        y_half = nodes.pose[:, 1:2] + (sine * half[:, 0] + cosine * half[:, 1] + 0.5 * actions.drift_m[:, 1])
+        margin_m = np.minimum(actions.spread_m, 0.03)
+        inside = self.border.holds(x, y, margin_m) & self.border.holds(x_half, y_half, 0.5 * margin_m)
+        return ~inside
+
+
+def _best(layers: list[_Nodes], first: _Actions, menu: _Actions) -> Plan:
+    """Return the sequence that ends with the least cost; a longer one must be better."""
+    ends = [(float(nodes.cost_s.min()), depth) for depth, nodes in enumerate(layers) if depth and len(nodes.cost_s)]
+    if not ends:
+        return Plan((), math.inf, np.zeros((0, 3)), np.zeros(0))
+    expected_s, depth = min(ends)
+    node = int(np.argmin(layers[depth].cost_s))
+    steps, poses, spreads = [], [], []
+    for level in range(depth, 0, -1):
+        nodes = layers[level]
+        actions = first if level == 1 else menu
+        action = int(nodes.action[node])
+        steps.append((int(actions.movement[action]), float(actions.duration_s[action])))
+        poses.append(nodes.pose[node])
+        spreads.append(float(nodes.spread_m[node]))
+        node = int(nodes.parent[node])
+    return Plan(tuple(steps[::-1]), expected_s, np.array(poses[::-1]).reshape(-1, 3), np.array(spreads[::-1]))
