@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import count
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vvvaltr.controller.core.errors import SafetyStop, TrackingLost
 from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
-from vvvaltr.controller.core.records import LoggedTrial
+from vvvaltr.controller.core.records import Displacement, LoggedTrial, SteeringStep
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait, Outcome, Pose, Structure, Suggestion, Trial
+from vvvaltr.controller.core.values import Outcome, Pose, Structure, Suggestion, Trial
+from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 from vvvaltr.controller.loop.safety import Guard
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 from vvvaltr.transfer.steering.belief import Belief
 from vvvaltr.transfer.steering.hypotheses import Knowledge
-from vvvaltr.transfer.steering.passage import passage
+from vvvaltr.transfer.steering.passage import passage, rotation, where
 from vvvaltr.transfer.steering.planner import Abilities, Border, Goal, Plan, plan
 from vvvaltr.transfer.steering.repertoire import Repertoire
 
@@ -165,11 +165,6 @@ class _Staying:
         self._robot.close()
 
 
-def where(pose: Pose) -> Array:
-    """Return x, y and yaw of a pose, shape (3,)."""
-    return np.array([pose.position_m[0], pose.position_m[1], pose.yaw_rad])
-
-
 class Journey:
     """A robot on its way along goals.
 
@@ -221,6 +216,16 @@ class Journey:
                 return
             yield logged
 
+    def remember(self, trials: Sequence[LoggedTrial]) -> None:
+        """Take in the primitives that the run already has."""
+        for logged in trials:
+            self.trials.append(logged)
+            self._steersman.learn(logged.trial)
+            self._spent_s += logged.trial.duration_s
+            if logged.trial.poses:
+                self._last = logged.trial.poses[-1]
+            self._pass_goals()
+
     @property
     def ending(self) -> Ending:
         """How it ended."""
@@ -232,10 +237,13 @@ class Journey:
         yaw = self._last.yaw_rad
         return Ending(reached, self._reason, (x_m, y_m), yaw, error_m, driven_s, len(self.trials), self._reached)
 
-    def _is_over(self) -> bool:
+    def _pass_goals(self) -> None:
         while self._reached < len(self._goals) and self._goals[self._reached].is_reached(where(self._last)):
             self._reached += 1
             self._spent_s = 0.0
+
+    def _is_over(self) -> bool:
+        self._pass_goals()
         if self._reached == len(self._goals) or self._reason:
             return True
         if self._spent_s >= self._budget_s:
@@ -256,16 +264,30 @@ class Journey:
         movement, duration_s = way.steps[0]
         gait = self._steersman.gaits[movement]
         watch = Watch(self._steersman, movement, goal, duration_s)
-        suggestion = Suggestion(gait, ORIGIN, None, {"goal_x_m": goal.x_m, "goal_y_m": goal.y_m})
+        suggestion, step = Suggestion(gait, ORIGIN), self._step(goal, way)
         try:
             trial = run_trial(self._robot, gait, self._with(watch), number)
         except TrialCrashed as crash:
-            self._record(LoggedTrial(suggestion, crash.trial, None, None))
+            self._record(LoggedTrial(suggestion, crash.trial, None, None, steering=step))
             raise
-        logged = LoggedTrial(suggestion, trial, score(trial) if trial.outcome.is_valid else None, None)
+        speed_m_s = score(trial) if trial.outcome.is_valid else None
+        moved, applied = measure_movement(trial), measure_applied(trial)
+        logged = LoggedTrial(suggestion, trial, speed_m_s, None, moved, applied, steering=step)
         self._record(logged)
         self._take(logged)
         return logged
+
+    def _step(self, goal: Goal, way: Plan) -> SteeringStep:
+        """Return for the log why the first movement of a plan is driven."""
+        moved = rotation(self._last.yaw_rad).T @ (way.poses[0, :2] - where(self._last)[:2])
+        turn_rad = float(way.poses[0, 2]) - self._last.yaw_rad
+        return SteeringStep(
+            (goal.x_m, goal.y_m),
+            goal.yaw_rad,
+            Displacement(float(moved[0]), float(moved[1]), turn_rad),
+            float(way.spreads_m[0]),
+            plan=tuple(self._steersman.gaits[movement] for movement, _ in way.steps),
+        )
 
     def _with(self, watch: Watch) -> PrimitiveSettings:
         names = (name for name in TrialSettings.__dataclass_fields__)

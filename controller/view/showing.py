@@ -10,6 +10,7 @@ from vvvaltr.controller.runs.log import read_run
 from vvvaltr.controller.runs.run import RunDirectory, build_optimizer, make_search_space
 from vvvaltr.controller.view.recording import LiveView, save_recording, show
 from vvvaltr.controller.view.speed_maps import Learned
+from vvvaltr.transfer.methods.registry import METHODS
 
 
 def save_run(path: Path, recording: Path) -> None:
@@ -35,7 +36,7 @@ def _learned(path: Path, run: Run) -> Learned | None:
         return None
     config = load_config(path)
     scored = [(logged.trial.gait, logged.score) for logged in run.trials if logged.score is not None]
-    if not scored:
+    if not scored or config.method not in METHODS:
         return None
     motor_count = scored[0][0].motor_count
     optimizer = build_optimizer(config, motor_count, run.sources)

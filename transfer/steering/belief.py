@@ -1,13 +1,13 @@
 """What is believed of all movements and of the floor's drift together, and how a driven gait changes it.
 
-A movement is a velocity in the robot's own frame: forward, left (m/s) and turn (rad/s). While a gait is driven the centre of
-the robot moves by
+A movement is a velocity in the robot's own frame: forward, left (m/s) and turn (rad/s). While a gait is driven the
+centre of the robot moves by
 
     dp/dt = R(yaw) (v_i + e) + s,    d yaw/dt = w_i + e_w
 
-with v_i, w_i of the gait, s the floor's drift, the same for all gaits, and e what differs from trial to trial but stays within
-one. All of it is linear in (v, w, s), so that the posterior is a Gaussian and its update that of a Kalman filter [1]. The
-turning within a trial alone tells v from s.
+with v_i, w_i of the gait, s the floor's drift, the same for all gaits, and e what differs from trial to trial but stays
+within one. All of it is linear in (v, w, s): the posterior is a Gaussian, and its update that of a Kalman filter [1].
+The turning within a trial tells v from s.
 
 [1] S. Thrun, W. Burgard, D. Fox, Probabilistic Robotics, MIT Press 2005, section 3.2.
 """

@@ -1,11 +1,11 @@
-"""What a repertoire from elsewhere is worth here: several hypotheses, weighed by what they foretell of each driven gait.
+"""What a repertoire from elsewhere is worth here: hypotheses, weighed by what they foretell of each driven gait.
 
 Each hypothesis says how the movements here come from those of the repertoire,
 
     v_i = c v0_i + own_i,    w_i = a w0_i + own_i
 
-with a complex factor c common to all movements (strength, and a turn of the robot's frame), a factor a of the turns, and a
-correction of each movement of its own; further how strong the floor's drift may be, and how fast all of it may change.
+with a complex factor c common to all movements (strength, and a turn of the robot's frame), a factor a of the turns,
+and a correction of each movement of its own; further how strong the floor's drift may be, and how fast all may change.
 """
 
 from __future__ import annotations

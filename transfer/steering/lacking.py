@@ -1,8 +1,9 @@
 """What a repertoire lacks: the gait to try next while movements are being learned.
 
-The measure is the expected time to goals all around, by the planner itself. Of a new gait only two things can be foretold from
-the tried ones: whether it moves at all (the drive, the sum of the squared frequencies) and which way it turns (a linear
-function of the frequencies). So new gaits are drawn, and chosen by these two; those on which the plans rely are repeated.
+The measure is the expected time to goals all around, by the planner itself. Of a new gait two things can be foretold:
+whether it moves at all (the drive, the sum of the squared frequencies) and, from the tried ones, which way it turns (a
+linear function of the frequencies). New gaits are drawn, and chosen by these two. Those on which the plans to the goals
+rely are repeated.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +50,7 @@ def passage(poses: Sequence[Pose], from_s: float = STEADY_S) -> Passage | None:
     pieces = max(1, round((path[-1, 0] - path[0, 0]) / _PIECE_S))
     cuts = np.linspace(path[0, 0], path[-1, 0], pieces + 1)
     at = np.unique(np.searchsorted(path[:, 0], cuts - 1e-9).clip(0, len(path) - 1))
-    rotations = np.array([_mean_rotation(path[begin : end + 1]) for begin, end in zip(at[:-1], at[1:], strict=True)])
+    rotations = np.array([_mean_rotation(path[begin : end + 1]) for begin, end in pairwise(at)])
     return Passage(np.diff(path[at, 0]), rotations, np.diff(path[at, 1:3], axis=0), float(path[-1, 3] - path[0, 3]))
 
 
@@ -58,6 +59,11 @@ def path_of(poses: Sequence[Pose]) -> Array:
     path = np.array([(pose.t_s, pose.position_m[0], pose.position_m[1], pose.yaw_rad) for pose in poses]).reshape(-1, 4)
     path[:, 3] = np.unwrap(path[:, 3])
     return path
+
+
+def where(pose: Pose) -> Array:
+    """Return x, y and yaw of a pose, shape (3,)."""
+    return np.array([pose.position_m[0], pose.position_m[1], pose.yaw_rad])
 
 
 def _mean_rotation(path: Array) -> Array:

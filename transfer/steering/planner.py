@@ -64,14 +64,15 @@ class Border:
     x_m: tuple[float, float]
     y_m: tuple[float, float]
 
-    def holds(self, x_m: Array, y_m: Array, margin_m: Array | float) -> NDArray[np.bool_]:
-        """Return which places are inside by a margin."""
-        return (
-            (x_m >= self.x_m[0] + margin_m)
-            & (x_m <= self.x_m[1] - margin_m)
-            & (y_m >= self.y_m[0] + margin_m)
-            & (y_m <= self.y_m[1] - margin_m)
-        )
+    def holds(self, x_m: Array, y_m: Array, margin_m: Array | float, start: Array | None = None) -> NDArray[np.bool_]:
+        """Return which places are inside by a margin, or no nearer to the border than ``start`` (x, y)."""
+        inside = np.ones(np.shape(x_m), dtype=np.bool_)
+        for axis, (at_m, (low_m, high_m)) in enumerate(((x_m, self.x_m), (y_m, self.y_m))):
+            low, high = low_m + margin_m, high_m - margin_m
+            if start is not None:
+                low, high = np.minimum(low, start[axis]), np.maximum(high, start[axis])
+            inside &= (at_m >= low) & (at_m <= high)
+        return inside
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +156,7 @@ def plan(
     if underway is not None:
         on = _actions(able, underway[None], 0.3 * able.deviations.min(axis=0)[None], 0.0, 0.0, np.array([-1]))
         first = menu.joined(on)
-    search = _Search(goal, able.drift_m_s, border, *_speeds(able))
+    search = _Search(goal, start, able.drift_m_s, border, *_speeds(able))
     nodes = _Nodes.at(start, search)
     layers: list[_Nodes] = [nodes]
     for depth in range(_DEPTH):
@@ -214,6 +215,7 @@ class _Nodes:
 @dataclass(frozen=True, slots=True)
 class _Search:
     goal: Goal
+    start: Array
     drift_m_s: Array
     border: Border | None
     speed_m_s: float
@@ -227,7 +229,7 @@ class _Search:
         helped = (dx * self.drift_m_s[0] + dy * self.drift_m_s[1]) / np.maximum(away_m, 1e-6)
         speed = np.maximum(self.speed_m_s + helped, 0.3 * self.speed_m_s)
         off_m = np.sqrt(away_m**2 + (_SIDEWAYS * spread_m) ** 2)
-        rest = np.maximum(off_m - 0.7 * goal.within_m, 0.0) / speed
+        rest: Array = np.maximum(off_m - 0.7 * goal.within_m, 0.0) / speed
         rest += 1.5 * (off_m > goal.within_m)
         if goal.yaw_rad is not None:
             rest += np.maximum(goal.turn_rad(yaw_rad) - 0.7 * goal.within_rad, 0.0) / self.turning_rad_s
@@ -260,8 +262,8 @@ class _Search:
         x_half = nodes.pose[:, :1] + (cosine * half[:, 0] - sine * half[:, 1] + 0.5 * actions.drift_m[:, 0])
         y_half = nodes.pose[:, 1:2] + (sine * half[:, 0] + cosine * half[:, 1] + 0.5 * actions.drift_m[:, 1])
         margin_m = np.minimum(actions.spread_m, 0.03)
-        inside = self.border.holds(x, y, margin_m) & self.border.holds(x_half, y_half, 0.5 * margin_m)
-        return ~inside
+        ends_inside = self.border.holds(x, y, margin_m, self.start)
+        return ~(ends_inside & self.border.holds(x_half, y_half, 0.5 * margin_m, self.start))
 
 
 def _best(layers: list[_Nodes], first: _Actions, menu: _Actions) -> Plan:

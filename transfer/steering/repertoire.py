@@ -26,7 +26,7 @@ _FLOOR = 0.5  # the floor's drift over the usual speed, before anything is known
 
 
 @dataclass(frozen=True, slots=True)
-class Movement:
+class LearnedMovement:
     """What one gait does.
 
     Args:
@@ -59,7 +59,7 @@ class Repertoire:
         delay_s: by how much a driven gait lags behind one that moves at its steady speed at once.
     """
 
-    movements: tuple[Movement, ...] = ()
+    movements: tuple[LearnedMovement, ...] = ()
     drift_m_s: tuple[float, float] = (0.0, 0.0)
     delay_s: float = _USUAL_DELAY_S
 
@@ -73,6 +73,14 @@ class Repertoire:
         """Forward, left (m/s) and turn (rad/s) of each, shape (n, 3)."""
         return np.array([movement.velocity for movement in self.movements]).reshape(-1, 3)
 
+    def joined(self, other: Repertoire) -> Repertoire:
+        """Return both; of a gait that both have, the precisions add up. The other one's floor is the last."""
+        mine = {movement.gait: movement for movement in self.movements}
+        for movement in other.movements:
+            known = mine.get(movement.gait)
+            mine[movement.gait] = movement if known is None else _fused(known, movement)
+        return Repertoire(tuple(mine.values()), other.drift_m_s, other.delay_s) if other.movements else self
+
     def belief(self) -> Belief:
         """Return all of it as one Gaussian, with the drift of the last floor taken for exact."""
         n = len(self.movements)
@@ -83,7 +91,7 @@ class Repertoire:
         return Belief(np.append(self.velocities.ravel(), self.drift_m_s), covariance, scatter)
 
 
-def learned(runs: Iterable[Sequence[Trial]], base: Repertoire = Repertoire()) -> Repertoire:
+def learn_repertoire(runs: Iterable[Sequence[Trial]], base: Repertoire = Repertoire()) -> Repertoire:
     """Return what is known after some runs: every valid trial with poses counts.
 
     Each run has a floor's drift of its own, which is taken off.
@@ -107,13 +115,22 @@ def learned(runs: Iterable[Sequence[Trial]], base: Repertoire = Repertoire()) ->
             counts[place[gait]] += 1
     blocks = [slice(3 * index, 3 * index + 3) for index in range(len(gaits))]
     movements = tuple(
-        Movement(gait, belief.mean[block], belief.covariance[block, block], scatter, int(count))
+        LearnedMovement(gait, belief.mean[block], belief.covariance[block, block], scatter, int(count))
         for gait, block, scatter, count in zip(gaits, blocks, belief.scatter, counts, strict=True)
     )
     delays = [delay for run in driven for _, _, delay in run if delay is not None]
     delay_s = float(np.median([*delays, base.delay_s])) if delays else base.delay_s
     x_m_s, y_m_s = belief.drift_m_s.tolist()
     return Repertoire(movements, (x_m_s, y_m_s), min(max(delay_s, 0.0), 0.5))
+
+
+def _fused(one: LearnedMovement, other: LearnedMovement) -> LearnedMovement:
+    precisions = np.linalg.inv(one.covariance), np.linalg.inv(other.covariance)
+    covariance = np.linalg.inv(precisions[0] + precisions[1])
+    velocity = covariance @ (precisions[0] @ one.velocity + precisions[1] @ other.velocity)
+    trials = one.trials + other.trials
+    scatter = np.sqrt((one.trials * one.scatter**2 + other.trials * other.scatter**2) / trials)
+    return LearnedMovement(one.gait, velocity, covariance, scatter, trials)
 
 
 _Driven = tuple[Gait, Passage, float | None]
@@ -145,7 +162,7 @@ def _sizes(known: Array, driven: list[list[_Driven]]) -> Array:
 
 
 def _scatter(known: Belief, gaits: tuple[Gait, ...], driven: list[list[_Driven]]) -> Array:
-    """Return each gait's scatter from trial to trial: from its repeats, and from what is usual of a gait of its size."""
+    """Return each gait's scatter from trial to trial: from its repeats, and what is usual of its size."""
     seen: dict[Gait, list[Array]] = defaultdict(list)
     for run in driven:
         for gait, piece, _ in run:
@@ -168,14 +185,13 @@ def _scatter(known: Belief, gaits: tuple[Gait, ...], driven: list[list[_Driven]]
 
 def _usual_scatter(repeated: list[Array]) -> Array:
     """Return the scatter over the size, of forward and left alike and of the turn, shape (3,)."""
-    within, size, count = np.full(2, _WEIGHT * _USUAL_SCATTER**2), np.full(2, _WEIGHT), 0
+    within, size = np.full(2, _WEIGHT * _USUAL_SCATTER**2), np.full(2, _WEIGHT)
     for of_gait in repeated:
         spread = ((of_gait - of_gait.mean(axis=0)) ** 2).sum(axis=0)
         whole = (of_gait**2).sum(axis=0) * (len(of_gait) - 1) / len(of_gait)
         unit = np.array([whole[:2].sum(), whole[2]]) + 1e-12
         within += (len(of_gait) - 1) * np.array([spread[:2].sum(), spread[2]]) / unit
         size += len(of_gait) - 1
-        count += 1
     along, turn = np.sqrt(within / size)
     return np.array([along, along, turn])
 

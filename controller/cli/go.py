@@ -1,0 +1,120 @@
+"""`vvvaltr go`: drive the robot to a place."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from argparse import ArgumentParser, Namespace
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number
+from vvvaltr.controller.core.errors import NotUnderstood
+
+if TYPE_CHECKING:
+    from vvvaltr.controller.studies.going import Errand, GoRun
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("x_m", nargs="?", type=number(), metavar="X", help="where to go, in m in the tracker's frame")
+    parser.add_argument("y_m", nargs="?", type=number(), metavar="Y", help="not for the planar twin")
+    parser.add_argument("--yaw", dest="yaw_rad", type=number(), metavar="RAD", help="heading to arrive with")
+    parser.add_argument("--path", type=Path, metavar="FILE.csv", help="way points instead: x, y and perhaps yaw a line")
+    parser.add_argument("--within", dest="within_m", type=number(above=0), default=0.02, metavar="M",
+                        help="how near is near enough (default 0.02)")  # fmt: skip
+    parser.add_argument("--within-yaw", dest="within_rad", type=number(above=0), default=0.2, metavar="RAD",
+                        help="how near to the heading is near enough (default 0.2)")  # fmt: skip
+    parser.add_argument("--time", dest="budget_s", type=number(above=0), default=200.0, metavar="S",
+                        help="driving time after which a goal is given up (default 200)")  # fmt: skip
+    parser.add_argument("--repertoire", action="append", type=Path, metavar="RUN",
+                        help="a run from which movements are known; repeatable")  # fmt: skip
+    add_robot_arguments(parser)
+    where = parser.add_argument_group("run").add_mutually_exclusive_group()
+    where.add_argument("--out", type=Path, metavar="DIR", help="a new directory for the run (default below runs/)")
+    where.add_argument("--resume", type=Path, metavar="DIR", help="go on with this run, from where the robot is")
+
+
+def _execute(arguments: Namespace) -> Answer:
+    run = _open(arguments)
+    try:
+        with closing(run):
+            _go(run)
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(f"{interrupt}; the run is saved, go on by --resume {run.run.path}") from None
+    finally:
+        result = run.summarise()
+    return Answer(_prose(result), result, status=0 if result["reached"] else 1)
+
+
+def _open(arguments: Namespace) -> GoRun:
+    from vvvaltr.controller.studies.going import GoRun
+
+    if arguments.resume is not None:
+        if arguments.x_m is not None or arguments.path or arguments.repertoire:
+            raise NotUnderstood(
+                "--resume goes on with the run's own goals and movements; leave out X Y, --path, --repertoire"
+            )
+        return GoRun.resume(arguments.resume)
+    errand = _errand(arguments)
+    if not arguments.repertoire:
+        raise NotUnderstood("go needs movements: name a run by --repertoire, or learn some by vvvaltr repertoire")
+    out = arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-go"
+    return GoRun.create(out, asked_robot(arguments), arguments.seed or 0, arguments.repertoire, errand)
+
+
+def _errand(arguments: Namespace) -> Errand:
+    from vvvaltr.controller.studies.going import Errand, read_goals
+
+    if (arguments.path is None) == (arguments.x_m is None):
+        raise NotUnderstood("say where to go: either X Y, or way points by --path FILE.csv")
+    if arguments.path is not None:
+        if arguments.yaw_rad is not None:
+            raise NotUnderstood("--yaw belongs to X Y; in a file of way points each has a heading of its own, or none")
+        goals = read_goals(arguments.path)
+    elif arguments.y_m is None and (arguments.robot or "planar") != "planar":
+        raise NotUnderstood("Y is missing: only the planar twin moves along a line")
+    else:
+        goals = ((arguments.x_m, arguments.y_m or 0.0, arguments.yaw_rad),)
+        if arguments.y_m is not None and (arguments.robot or "planar") == "planar":
+            raise NotUnderstood("the planar twin moves along x only: leave out Y")
+    return Errand(goals, arguments.within_m, arguments.within_rad, arguments.budget_s)
+
+
+def _go(run: GoRun) -> None:
+    from tqdm import tqdm
+
+    with tqdm(unit="primitive", desc="going", file=sys.stderr) as bar:
+        for logged in run.go():
+            trial = logged.trial
+            bar.update()
+            if not trial.outcome.is_valid:
+                bar.write(f"primitive {trial.number}: {trial.outcome}: {trial.reason}", sys.stderr)
+            elif logged.steering is not None:
+                x_m, y_m, _ = trial.poses[-1].position_m
+                left_m = math.hypot(x_m - logged.steering.goal_m[0], y_m - logged.steering.goal_m[1])
+                bar.set_postfix_str(f"{1000 * left_m:.0f} mm to go", refresh=False)
+
+
+def _prose(result: dict[str, Any]) -> str:
+    x_m, y_m = result["position_m"]
+    begin = "reached" if result["reached"] else f"not reached: {result['reason'] or 'interrupted'}"
+    return "\n".join(
+        (
+            begin,
+            f"at         {x_m:.3f} {y_m:.3f} m, heading {result['yaw_rad']:.2f} rad",
+            f"off by     {1000 * result['error_m']:.0f} mm",
+            f"driven     {result['duration_s']:.1f} s in {result['primitives']} primitives",
+            f"run        {result['run']}",
+        )
+    )
+
+
+COMMAND = Command(
+    help="drive the robot to a place, or along way points, by movements that were learned",
+    example="vvvaltr go 0.30 -0.20 --repertoire runs/moves --robot spatial --seed 2",
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

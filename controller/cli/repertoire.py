@@ -1,0 +1,102 @@
+"""`vvvaltr repertoire`: learn movements, or put together what runs have logged."""
+
+from __future__ import annotations
+
+import sys
+import time
+from argparse import ArgumentParser, Namespace
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number, trial_duration, whole
+from vvvaltr.controller.core.errors import NotUnderstood
+
+if TYPE_CHECKING:
+    from vvvaltr.controller.studies.repertoire import RepertoireRun
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
+    add_robot_arguments(parser)
+    group = parser.add_argument_group("movements")
+    group.add_argument("--gaits", dest="trials", type=whole(1), metavar="N",
+                       help="valid trials to make: new gaits, and repeats of good ones (default 40)")  # fmt: skip
+    group.add_argument(
+        "--duration", dest="duration_s", metavar="S", type=trial_duration, help="of each trial (default 5)"
+    )
+    group.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
+                       help="frequencies to try in Hz; positive ones are tried in both senses of rotation")  # fmt: skip
+    group.add_argument("--from", dest="sources", action="append", type=Path, metavar="RUN",
+                       help="put together what this run has logged instead of driving; repeatable")  # fmt: skip
+    where = parser.add_argument_group("run").add_mutually_exclusive_group()
+    where.add_argument("--out", type=Path, metavar="DIR", help="a new directory for the run (default below runs/)")
+    where.add_argument("--resume", type=Path, metavar="DIR", help="go on with this run, as it would have gone on")
+
+
+def _execute(arguments: Namespace) -> Answer:
+    from vvvaltr.controller.studies.repertoire import describe, put_together
+
+    out = arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-repertoire"
+    if arguments.sources:
+        if asked_robot(arguments) or arguments.trials or arguments.resume or arguments.range_hz or arguments.duration_s:
+            raise NotUnderstood(
+                "--from makes no trials: leave out the robot, --gaits, --duration, --range and --resume"
+            )
+        return _answer(out, describe(put_together(arguments.sources, out)))
+    run = _open(arguments, out)
+    try:
+        with closing(run):
+            _learn(run)
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(f"{interrupt}; the run is saved, go on by --resume {run.run.path}") from None
+    finally:
+        result = describe(run.repertoire)
+        run.run.summarise({"run": str(run.run.path), **result})
+    return _answer(run.run.path, result)
+
+
+def _open(arguments: Namespace, out: Path) -> RepertoireRun:
+    from vvvaltr.controller.studies.repertoire import RepertoireRun
+
+    asked = asked_robot(arguments)
+    if arguments.resume is not None:
+        if asked or arguments.range_hz or arguments.duration_s or arguments.seed is not None:
+            raise NotUnderstood("--resume goes on with the run's own robot; leave out all but --gaits")
+        return RepertoireRun.resume(arguments.resume, arguments.trials)
+    if arguments.range_hz is not None:
+        asked["range_hz"] = tuple(arguments.range_hz)
+    return RepertoireRun.create(out, asked, arguments.seed or 0, arguments.trials or 40, arguments.duration_s)
+
+
+def _learn(run: RepertoireRun) -> None:
+    from tqdm import tqdm
+
+    done = sum(logged.score is not None for logged in run.run.trials)
+    total = run.run.config.trials
+    with tqdm(total=total, initial=done, unit="trial", desc="learning movements", file=sys.stderr) as bar:
+        for logged in run.learn():
+            if logged.score is None:
+                bar.write(f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}", sys.stderr)
+            else:
+                bar.set_postfix_str(logged.suggestion.origin, refresh=False)
+                bar.update()
+
+
+def _answer(path: Path, result: dict[str, Any]) -> Answer:
+    lines = [
+        f"movements  {result['gaits']} gaits in {result['trials']} trials",
+        f"fastest    {1000 * result['fastest_m_s']:.1f} mm/s",
+        f"turning    {result['turn_left_rad_s']:.2f} rad/s to the left, {result['turn_right_rad_s']:.2f} to the right",
+        f"floor      drifts by {1000 * result['drift_m_s'][0]:.1f} {1000 * result['drift_m_s'][1]:.1f} mm/s",
+        f"run        {path}",
+    ]
+    return Answer("\n".join(lines), {"run": str(path), **result})
+
+
+COMMAND = Command(
+    help="learn movements to steer by: forward, left and turn of tried gaits",
+    example="vvvaltr repertoire --robot spatial --gaits 40 --out runs/moves",
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

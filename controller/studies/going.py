@@ -1,0 +1,233 @@
+"""Going somewhere as a run: `run.toml`, the errand, the repertoire it began with, and a log of primitives."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from vvvaltr.controller.core.errors import NotUnderstood, UserError
+from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.loop.go import Journey, Steersman
+from vvvaltr.controller.loop.safety import Arena
+from vvvaltr.controller.robot.choice import RobotChoice
+from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
+from vvvaltr.controller.studies.steering_run import SteeringRun, load_repertoire, open_again, steering_config
+from vvvaltr.transfer.steering.planner import Border, Goal
+from vvvaltr.transfer.steering.repertoire import Repertoire
+
+METHOD = "go"
+_LEAST_TURN_RAD_S = 0.02
+
+
+class Errand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a run of going somewhere is to do.
+
+    Args:
+        goals: x, y and heading of each; the heading is None where any will do.
+        within_m: how near is near enough.
+        within_rad: how near to the heading is near enough.
+        budget_s: driving time for each goal.
+    """
+
+    goals: tuple[tuple[float, float, float | None], ...]
+    within_m: float = 0.02
+    within_rad: float = 0.2
+    budget_s: float = 200.0
+
+    @property
+    def targets(self) -> tuple[Goal, ...]:
+        """The goals as the planner takes them."""
+        return tuple(Goal(x_m, y_m, self.within_m, yaw_rad, self.within_rad) for x_m, y_m, yaw_rad in self.goals)
+
+
+class GoRun:
+    """A robot on an errand: robot and log are open."""
+
+    def __init__(self, run: SteeringRun, rig: Rig, errand: Errand, repertoire: Repertoire) -> None:
+        self.run = run
+        self._rig = rig
+        border = _border(rig.settings.arena)
+        steersman = Steersman(repertoire, run.config.seed, border, rig.settings.settle_s)
+        self._journey = Journey(rig.robot, steersman, errand.targets, rig.settings, errand.budget_s, run.record)
+        self._is_new = not run.trials
+
+    @classmethod
+    def create(cls, path: Path, asked: dict[str, Any], seed: int, sources: Sequence[Path], errand: Errand) -> GoRun:
+        """Begin in a new folder.
+
+        Args:
+            path: the folder.
+            asked: of the robot, keyed as in RobotChoice.
+            seed: seed of every random stream.
+            sources: runs from which the movements are known.
+            errand: what to do.
+
+        Raises:
+            UserError: something asked for is impossible, or ``path`` exists; nothing has been written.
+            DeviceError: the robot cannot be opened.
+        """
+        choice = choose_robot(asked)
+        repertoire = usable_repertoire(choice, sources)
+        rig = open_rig(choice, seed)
+        try:
+            check_fit(repertoire, rig, sources)
+            check_errand(errand, rig.settings.arena, choice)
+            config = steering_config(choice, rig, METHOD, seed, 1, rig.settings.duration_s)
+            config = msgspec.structs.replace(config, sources=tuple(map(str, sources)))
+            head = Run(rig.robot.structure)
+            run = SteeringRun.create(path, config, head, repertoire, errand=msgspec.to_builtins(errand))
+            return cls(run, rig, errand, repertoire)
+        except BaseException:
+            rig.robot.close()
+            raise
+
+    @classmethod
+    def resume(cls, path: Path) -> GoRun:
+        """Go on with an errand that was interrupted. Raises UserError or DeviceError as ``create`` does."""
+        run = SteeringRun.resume(path, METHOD)
+        try:
+            errand = _load_errand(path / "errand.json")
+            rig = open_again(run.config, run.trials)
+            return cls(run, rig, errand, run.source)
+        except BaseException:
+            run.close()
+            raise
+
+    def go(self) -> Iterator[LoggedTrial]:
+        """Drive; yields each primitive once it is recorded. See ``Journey.go`` for what is raised."""
+        if self._is_new:
+            self._rig.robot.place(1)
+        else:
+            self._rig.robot.carry_on(len(self.run.trials) + 1)
+            self._journey.remember(self.run.trials)
+        yield from self._journey.go(len(self.run.trials) + 1)
+
+    def summarise(self) -> dict[str, Any]:
+        """Write `summary.json` and return what is in it."""
+        ending = self._journey.ending
+        result = {"run": str(self.run.path), "robot": self.run.config.robot.name, **asdict(ending)}
+        result["position_m"] = list(ending.position_m)
+        self.run.summarise(result)
+        return result
+
+    def close(self) -> None:
+        """Stop the motors, let go of the robot and close the log."""
+        with closing(self.run), closing(self._rig.robot):
+            pass
+
+
+def usable_repertoire(choice: RobotChoice, sources: Sequence[Path]) -> Repertoire:
+    """Return the movements that some runs tell of, for this robot.
+
+    Raises:
+        UserError: there are none, or the robot could not be steered by them.
+    """
+    repertoire = load_repertoire(sources)
+    names = ", ".join(map(str, sources))
+    if choice.name == "planar":
+        return _along_a_line(repertoire)
+    turns = repertoire.velocities[:, 2]
+    if (turns == 0.0).all():
+        raise UserError(
+            f"{names}: no heading was ever tracked; give the tracker a body with a heading, then learn anew"
+        )
+    if np.abs(turns).max() < _LEAST_TURN_RAD_S:
+        raise UserError(f"{names}: no movement turns by more than 1 degree/s; try more gaits by vvvaltr repertoire")
+    return repertoire
+
+
+def check_fit(repertoire: Repertoire, rig: Rig, sources: Sequence[Path]) -> None:
+    """Raise UserError if the robot cannot do the movements."""
+    try:
+        for gait in repertoire.gaits:
+            rig.robot.limits.check(gait)
+    except ValueError as error:
+        names = ", ".join(map(str, sources))
+        raise UserError(
+            f"{names} is of a robot with other motors: {error}; learn movements by vvvaltr repertoire"
+        ) from None
+
+
+def check_errand(errand: Errand, arena: Arena | None, choice: RobotChoice) -> None:
+    """Raise NotUnderstood if there is a goal that the robot cannot or must not reach."""
+    for x_m, y_m, yaw_rad in errand.goals:
+        if choice.name == "planar" and (y_m != 0.0 or yaw_rad is not None):
+            raise NotUnderstood("the planar twin moves along x only: give X alone, without Y and --yaw")
+        border = _border(arena)
+        if border is not None and not border.holds(np.array(x_m), np.array(y_m), 0.0):
+            raise NotUnderstood(
+                f"goal {x_m:g} {y_m:g} is outside the arena, {border.x_m[0]:g} to {border.x_m[1]:g} m in x and "
+                f"{border.y_m[0]:g} to {border.y_m[1]:g} m in y: choose one inside, or mend [arena] in the robot's file"
+            )
+
+
+def read_goals(path: Path) -> tuple[tuple[float, float, float | None], ...]:
+    """Return the way points of a CSV file, a line each: x, y and perhaps yaw, in m and rad, under a header or none.
+
+    Raises:
+        UserError: there is no such file, or no way point in it.
+        NotUnderstood: a line is something else.
+    """
+    try:
+        rows = [
+            row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if any(map(str.strip, row))
+        ]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"{path}: {error}; give a CSV file with x, y and perhaps yaw in each line") from None
+    if rows and not _is_number(rows[0][0]):
+        rows = rows[1:]
+    if not rows:
+        raise UserError(f"{path} has no way points: write x, y and perhaps yaw in each line")
+    return tuple(_goal(path, number, row) for number, row in enumerate(rows, start=1))
+
+
+def _goal(path: Path, number: int, row: list[str]) -> tuple[float, float, float | None]:
+    cells = [cell.strip() for cell in row]
+    if not (2 <= len(cells) <= 3 and all(_is_number(cell) for cell in cells[:2]) and all(map(_fits, cells[2:]))):
+        raise NotUnderstood(f"{path}: way point {number} is {','.join(row)!r}, not x, y and perhaps yaw as numbers")
+    return float(cells[0]), float(cells[1]), float(cells[2]) if len(cells) == 3 and cells[2] else None
+
+
+def _fits(cell: str) -> bool:
+    return not cell or _is_number(cell)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _along_a_line(repertoire: Repertoire) -> Repertoire:
+    """Return the movements of a robot in a vertical plane: what it does beside the line is its tracker's noise."""
+    along = np.array([1.0, 0.0, 0.0])
+    movements = tuple(
+        replace(
+            movement,
+            velocity=movement.velocity * along,
+            covariance=movement.covariance * np.outer(along, along) + np.diag(1e-12 * (1.0 - along)),
+            scatter=movement.scatter * along,
+        )
+        for movement in repertoire.movements
+    )
+    return replace(repertoire, movements=movements, drift_m_s=(repertoire.drift_m_s[0], 0.0))
+
+
+def _border(arena: Arena | None) -> Border | None:
+    return None if arena is None else Border(arena.x_m, arena.y_m)
+
+
+def _load_errand(path: Path) -> Errand:
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Errand)
+    except (msgspec.DecodeError, msgspec.ValidationError, OSError) as error:
+        raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None

@@ -1,0 +1,227 @@
+"""A run of steering on disk: an ordinary run, with the repertoire that it began with beside its log."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import ExitStack
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Self
+
+import msgspec
+
+from vvvaltr import __version__
+from vvvaltr.controller.core.disk import new_folder, write_whole
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.values import Gait, Quantity, Trial
+from vvvaltr.controller.loop.safety import GuardedRobot, Limits
+from vvvaltr.controller.loop.trial_runner import TrialSettings
+from vvvaltr.controller.robot.choice import RobotChoice
+from vvvaltr.controller.robot.opening import Rig, make_twin, open_rig
+from vvvaltr.controller.runs.config import RunConfig, load_config, save_config
+from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
+from vvvaltr.transfer.steering.passage import where
+from vvvaltr.transfer.steering.repertoire import LearnedMovement, Repertoire, learn_repertoire
+
+SOURCE_NAME, TABLE_NAME = "source.json", "repertoire.json"
+
+
+class SteeringRun:
+    """A run with its log open."""
+
+    def __init__(self, path: Path, config: RunConfig, log: RunLog, trials: Sequence[LoggedTrial]) -> None:
+        self.path = path
+        self.config = config
+        self.trials = list(trials)
+        self._log = log
+
+    @classmethod
+    def create(cls, path: Path, config: RunConfig, head: Run, source: Repertoire | None = None, **files: Any) -> Self:
+        """Begin a new run.
+
+        Args:
+            path: its folder.
+            config: goes to run.toml.
+            head: how the robot is built.
+            source: the repertoire that it begins with.
+            files: what else stands beside the log: NAME.json for each name.
+
+        Raises:
+            UserError: the folder exists or cannot be made; nothing has been written.
+        """
+        if not path.name:
+            raise UserError("--out names no new directory: give it a name, as in runs/mine, or leave it out")
+        _refuse_existing(path)
+        if source is not None:
+            files["source"] = table_of(source)
+        with ExitStack() as undo:
+            try:
+                with new_folder(path) as fresh:
+                    save_config(config, fresh / "run.toml")
+                    for name, content in files.items():
+                        write_whole(fresh / f"{name}.json", json.dumps(content, indent=1) + "\n")
+                    log = undo.enter_context(RunLog.create(fresh / LOG_NAME, head.structure, (), _about(config)))
+            except OSError as error:
+                _refuse_existing(path)  # made meanwhile, by another process
+                raise UserError(
+                    f"{path} cannot be made: {error.strerror}; choose another --out, or make room"
+                ) from error
+            undo.pop_all()
+        return cls(path, config, log, ())
+
+    @classmethod
+    def resume(cls, path: Path, method: str) -> Self:
+        """Open a run to go on with it; a torn log is recovered.
+
+        Raises:
+            UserError: there is no run, or one of another kind.
+        """
+        config = load_config(path)
+        if config.method != method:
+            raise UserError(f"{path} is a run of {config.method!r}, not of {method!r}: resume it by its own command")
+        log, logged = RunLog.recover(path / LOG_NAME)
+        return cls(path, config, log, logged.trials)
+
+    @property
+    def source(self) -> Repertoire:
+        """The repertoire that it began with. Raises UserError if the file is damaged."""
+        return _source(self.path / SOURCE_NAME)
+
+    def record(self, logged: LoggedTrial) -> None:
+        """Keep a trial for good."""
+        self._log.append(logged)
+        self.trials.append(logged)
+
+    def summarise(self, result: dict[str, Any]) -> None:
+        """Write `summary.json`."""
+        write_whole(self.path / "summary.json", json.dumps(result, indent=2) + "\n")
+
+    def close(self) -> None:
+        """Close the log."""
+        self._log.close()
+
+
+def steering_config(choice: RobotChoice, rig: Rig, method: str, seed: int, trials: int, duration_s: float) -> RunConfig:
+    """Return what run.toml says of a run of steering."""
+    return RunConfig(
+        robot=choice,
+        method=method,
+        sources=(),
+        seed=seed,
+        trials=trials,
+        duration_s=duration_s,
+        score="net",
+        optimise=(Quantity.FREQUENCY.value,),
+        range_hz=rig.range_hz,
+    )
+
+
+def open_again(config: RunConfig, trials: Sequence[LoggedTrial]) -> Rig:
+    """Open the robot of a run to go on from where its last trial ended; a twin is put down there."""
+    last = next((logged.trial.poses[-1] for logged in reversed(trials) if logged.trial.poses), None)
+    if not config.robot.is_twin or last is None:
+        return open_rig(config.robot, config.seed)
+    from vvvaltr.twin.engine import Start
+
+    twin = make_twin(config.robot, config.seed)
+    twin.put_down(Start(*where(last).tolist()))
+    return Rig(GuardedRobot(twin, Limits(twin.max_hz)), TrialSettings(), twin.range_hz)
+
+
+class _Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    frequency_hz: tuple[float, ...]
+    phase_rad: tuple[float, ...]
+    amplitude: tuple[float, ...]
+    velocity: tuple[float, float, float]
+    covariance: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+    scatter: tuple[float, float, float]
+    trials: int
+
+
+class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    movements: tuple[_Row, ...]
+    drift_m_s: tuple[float, float]
+    delay_s: float
+
+
+def table_of(repertoire: Repertoire) -> dict[str, Any]:
+    """Return a repertoire as plain data."""
+    rows = [
+        {
+            "frequency_hz": movement.gait.frequency_hz,
+            "phase_rad": movement.gait.phase_rad,
+            "amplitude": movement.gait.amplitude,
+            "velocity": movement.velocity.tolist(),
+            "covariance": movement.covariance.tolist(),
+            "scatter": movement.scatter.tolist(),
+            "trials": movement.trials,
+        }
+        for movement in repertoire.movements
+    ]
+    return {"movements": rows, "drift_m_s": repertoire.drift_m_s, "delay_s": repertoire.delay_s}
+
+
+def load_repertoire(paths: Sequence[Path]) -> Repertoire:
+    """Return what the runs in ``paths`` tell of movements: what each began with, and its own trials.
+
+    Raises:
+        UserError: one of them is no run, or none has a valid trial with poses.
+    """
+    repertoire = Repertoire()
+    for path in paths:
+        trials = [logged.trial for logged in read_run(path).trials]
+        _check_motors(path, trials, repertoire)
+        base = _source(path / SOURCE_NAME) if (path / SOURCE_NAME).exists() else Repertoire()
+        repertoire = learn_repertoire(split_runs(trials), repertoire.joined(base))
+    if not repertoire.movements:
+        names = ", ".join(map(str, paths))
+        raise UserError(f"{names}: no valid trial with poses, so no movement is known; make some by vvvaltr repertoire")
+    return repertoire
+
+
+def split_runs(trials: Sequence[Trial]) -> list[list[Trial]]:
+    """Return the trials of each run of a log that holds several: where the numbers begin again, another run begins."""
+    runs: list[list[Trial]] = []
+    for trial in trials:
+        if not runs or trial.number <= runs[-1][-1].number:
+            runs.append([])
+        runs[-1].append(trial)
+    return runs
+
+
+def _check_motors(path: Path, trials: Sequence[Trial], known: Repertoire) -> None:
+    counts = {trial.gait.motor_count for trial in trials} | {gait.motor_count for gait in known.gaits}
+    if len(counts) > 1:
+        raise UserError(f"{path}: gaits of {' and '.join(map(str, sorted(counts)))} motors do not make one repertoire")
+
+
+def _source(path: Path) -> Repertoire:
+    import numpy as np
+
+    try:
+        table = msgspec.json.decode(path.read_bytes(), type=_Table)
+    except (msgspec.DecodeError, msgspec.ValidationError, OSError) as error:
+        raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None
+    movements = tuple(
+        LearnedMovement(
+            Gait(row.frequency_hz, row.phase_rad, row.amplitude),
+            np.array(row.velocity),
+            np.array(row.covariance),
+            np.array(row.scatter),
+            row.trials,
+        )
+        for row in table.movements
+    )
+    return Repertoire(movements, table.drift_m_s, table.delay_s)
+
+
+def _refuse_existing(path: Path) -> None:
+    if path.exists():
+        raise UserError(f"{path} exists: choose another --out, or go on with it by --resume {path}")
+
+
+def _about(config: RunConfig) -> dict[str, str]:
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"version": __version__, "robot": config.robot.name, "seed": str(config.seed), "date": date}
