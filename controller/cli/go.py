@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number
+from vvvaltr.controller.cli.telling import bar
 from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
@@ -41,9 +42,9 @@ def _execute(arguments: Namespace) -> Answer:
     run = _open(arguments)
     try:
         with closing(run):
-            _go(run)
+            _go(run, arguments)
     except KeyboardInterrupt as interrupt:
-        raise KeyboardInterrupt(f"{interrupt}; the run is saved, go on by --resume {run.run.path}") from None
+        raise KeyboardInterrupt(f"{interrupt}; the run is saved, continue it by --resume {run.run.path}") from None
     finally:
         result = run.summarise()
     return Answer(_prose(result), result, status=0 if result["reached"] else 1)
@@ -83,19 +84,17 @@ def _errand(arguments: Namespace) -> Errand:
     return Errand(goals, arguments.within_m, arguments.within_rad, arguments.budget_s)
 
 
-def _go(run: GoRun) -> None:
-    from tqdm import tqdm
-
-    with tqdm(unit="primitive", desc="going", file=sys.stderr) as bar:
+def _go(run: GoRun, arguments: Namespace) -> None:
+    with bar(arguments, unit="primitive", desc="going") as progress:
         for logged in run.go():
             trial = logged.trial
-            bar.update()
+            progress.update()
             if not trial.outcome.is_valid:
-                bar.write(f"primitive {trial.number}: {trial.outcome}: {trial.reason}", sys.stderr)
+                progress.write(f"primitive {trial.number}: {trial.outcome}: {trial.reason}", sys.stderr)
             elif logged.steering is not None:
                 x_m, y_m, _ = trial.poses[-1].position_m
                 left_m = math.hypot(x_m - logged.steering.goal_m[0], y_m - logged.steering.goal_m[1])
-                bar.set_postfix_str(f"{1000 * left_m:.0f} mm to go", refresh=False)
+                progress.set_postfix_str(f"{1000 * left_m:.0f} mm to go", refresh=False)
 
 
 def _prose(result: dict[str, Any]) -> str:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number, trial_duration, whole
+from vvvaltr.controller.cli.telling import bar
 from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
@@ -47,9 +48,9 @@ def _execute(arguments: Namespace) -> Answer:
     run = _open(arguments, out)
     try:
         with closing(run):
-            _learn(run)
+            _learn(run, arguments)
     except KeyboardInterrupt as interrupt:
-        raise KeyboardInterrupt(f"{interrupt}; the run is saved, go on by --resume {run.run.path}") from None
+        raise KeyboardInterrupt(f"{interrupt}; the run is saved, continue it by --resume {run.run.path}") from None
     finally:
         result = describe(run.repertoire)
         run.run.summarise({"run": str(run.run.path), **result})
@@ -69,18 +70,18 @@ def _open(arguments: Namespace, out: Path) -> RepertoireRun:
     return RepertoireRun.create(out, asked, arguments.seed or 0, arguments.trials or 40, arguments.duration_s)
 
 
-def _learn(run: RepertoireRun) -> None:
-    from tqdm import tqdm
-
+def _learn(run: RepertoireRun, arguments: Namespace) -> None:
     done = sum(logged.score is not None for logged in run.run.trials)
     total = run.run.config.trials
-    with tqdm(total=total, initial=done, unit="trial", desc="learning movements", file=sys.stderr) as bar:
+    with bar(arguments, total=total, initial=done, unit="trial", desc="learning movements") as progress:
         for logged in run.learn():
             if logged.score is None:
-                bar.write(f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}", sys.stderr)
+                progress.write(
+                    f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}", sys.stderr
+                )
             else:
-                bar.set_postfix_str(logged.suggestion.origin, refresh=False)
-                bar.update()
+                progress.set_postfix_str(logged.suggestion.origin, refresh=False)
+                progress.update()
 
 
 def _answer(path: Path, result: dict[str, Any]) -> Answer:
