@@ -29,6 +29,7 @@ class HillClimber:
 with vvvaltr.open_robot("planar", seed=1) as robot:
     climber = HillClimber(robot.space, seed=1)
     for logged in vvvaltr.learn(robot, climber, trials=30, confirm=(3, 4)):
-        print(f"trial {logged.trial.number:2}: {logged.trial.gait}: {1000 * (logged.score or 0.0):.1f} mm/s")
+        if logged.score is not None:  # a trial that failed has none
+            print(f"trial {logged.trial.number:2}: {logged.trial.gait}: {1000 * logged.score:.1f} mm/s")
 if best := logged.recommendation:  # what the repeats at the end say, not the luckiest trial
     print(f"best gait: {best.gait}, {1000 * best.estimate.mean:.1f} mm/s expected")

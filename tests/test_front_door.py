@@ -157,6 +157,17 @@ def test_ask_and_tell_suffice_for_an_optimiser() -> None:
     assert logged[-1].recommendation.gait == middle.gait
 
 
+def test_a_kept_run_is_a_source(tmp_path: Path) -> None:
+    logged = learned(trials=3, duration_s=1.0, out=tmp_path / "run")
+
+    source = vvvaltr.read_source(tmp_path / "run", score="path")
+
+    assert source.gaits == tuple(each.trial.gait for each in logged)
+    with vvvaltr.open_robot("planar", friction=0.7) as robot:
+        optimizer = vvvaltr.make_optimizer("guarded", robot.space, seed=1, sources=[source])
+        assert len(list(vvvaltr.learn(robot, optimizer, trials=2, duration_s=1.0, score="path"))) == 2
+
+
 def test_a_run_that_is_broken_off_keeps_its_trials(tmp_path: Path) -> None:
     with vvvaltr.open_robot("planar", seed=1) as robot:
         optimizer = vvvaltr.make_optimizer("plain", robot.space, seed=1)

@@ -39,7 +39,7 @@ if TYPE_CHECKING:  # for type checkers and editors; _ROOMS says the same at run 
     )
     from vvvaltr.controller.loop.safety import Arena, GuardedRobot, Limits
     from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
-    from vvvaltr.library import OpenRobot, learn, open_robot, read_run
+    from vvvaltr.library import OpenRobot, learn, open_robot, read_run, read_source
     from vvvaltr.transfer.methods.registry import make_optimizer
     from vvvaltr.twin.presets import planar_robot, spatial_robot
 
@@ -52,7 +52,7 @@ _ROOMS = {
     "Suggestion Trial",
     "controller.loop.safety": "Arena GuardedRobot Limits",
     "controller.loop.trial_runner": "TrialCrashed TrialSettings run_trial",
-    "library": "OpenRobot learn open_robot read_run",
+    "library": "OpenRobot learn open_robot read_run read_source",
     "transfer.methods.registry": "make_optimizer",
     "twin.presets": "planar_robot spatial_robot",
 }
@@ -61,7 +61,8 @@ _HOMES = {name: room for room, names in _ROOMS.items() for name in names.split()
 __all__ = [  # noqa: RUF022 - in the order of use
     "open_robot", "planar_robot", "spatial_robot", "OpenRobot",
     "Gait", "GaitSpace", "Quantity", "run_trial", "TrialSettings", "Trial", "Outcome", "Pose", "MotorState",
-    "learn", "make_optimizer", "Source", "Suggestion", "Estimate", "Recommendation", "read_run", "Run", "LoggedTrial",
+    "learn", "make_optimizer", "read_source", "Source", "read_run", "Run", "LoggedTrial",
+    "Suggestion", "Estimate", "Recommendation",
     "GuardedRobot", "Limits", "Arena", "TrialCrashed", "interrupt_on_signals",
     "Robot", "MotorDriver", "Tracker", "Clock", "Optimizer", "AskTell", "Observer",
     "UserError", "DeviceError", "DeviceTimeout", "DeviceFault", "LinkLost", "TrackingLost", "SafetyStop",

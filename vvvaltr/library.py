@@ -11,13 +11,14 @@ from typing import Any, Self
 from vvvaltr.controller.core.errors import UserError, one_line_errors
 from vvvaltr.controller.core.protocols import AskTell, Observer, Robot
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import GaitSpace
+from vvvaltr.controller.core.values import GaitSpace, Source
 from vvvaltr.controller.loop import learn as loop
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.scoring import SCORES
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.runs import log
+from vvvaltr.controller.runs.run import load_source
 from vvvaltr.twin.robot import TwinRobot
 
 
@@ -166,3 +167,16 @@ def read_run(path: str | Path) -> Run:
         UserError: there is no run, or its log is damaged or was written by a newer version.
     """
     return log.read_run(Path(path))
+
+
+def read_source(path: str | Path, score: str = "net") -> Source:
+    """Return the valid trials of a run on disk as a source to learn from, for ``make_optimizer``.
+
+    Args:
+        path: folder of the run, or its log.
+        score: what counts as speed, in m/s: ``net``, ``path`` or ``forward``; the trials are scored again by it.
+
+    Raises:
+        UserError: there is no run, it has no valid trial, or its trials cannot be scored so.
+    """
+    return load_source(Path(path), score)
