@@ -187,7 +187,7 @@ def _group_vectors(numbers: Sequence[float]) -> tuple[Vector, ...]:
 
 
 def encode_pose(pose: Pose, time_ns: int) -> PoseInFrame:
-    """Return a pose as Foxglove and Rerun draw it unaided: position and to_quaternion in the frame ``world``.
+    """Return a pose as Foxglove and Rerun draw it unaided: position and quaternion in the frame ``world``.
 
     Args:
         pose: the pose.
