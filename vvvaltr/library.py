@@ -156,7 +156,7 @@ def _recording(robot: Robot, out: Path | None) -> Iterator[Callable[[LoggedTrial
         yield lambda logged: None
         return
     out.mkdir(parents=True)
-    with log.RunLog.create(out / log.LOG_NAME, robot.structure) as kept:
+    with log.RunLog.create(out / log.LOG_NAME, robot.structure, about=log.describe_maker()) as kept:
         yield kept.append
 
 

@@ -79,10 +79,10 @@ def _execute(arguments: Namespace) -> Answer:
 def _write_run(path: Path, trials: Sequence[LoggedTrial], found: str) -> None:
     """Make the run's directory. Raises OSError, and then nothing is in its place."""
     from vvvaltr.controller.core.disk import new_folder, write_whole
-    from vvvaltr.controller.runs.log import LOG_NAME, RunLog
+    from vvvaltr.controller.runs.log import LOG_NAME, RunLog, describe_maker
 
     with new_folder(path) as fresh:
-        with RunLog.create(fresh / LOG_NAME, structure=None) as log:
+        with RunLog.create(fresh / LOG_NAME, structure=None, about=describe_maker("imported")) as log:
             for logged in trials:
                 log.append(logged)
         write_whole(fresh / "summary.json", found)

@@ -79,9 +79,11 @@ def _trials(rig: Rig, gait: Gait, arguments: Namespace) -> list[LoggedTrial]:
     with ExitStack() as stack:
         record: Callable[[LoggedTrial], None] = lambda _: None  # noqa: E731
         if arguments.out is not None:
+            from vvvaltr.controller.runs.log import describe_maker
             from vvvaltr.controller.runs.measured import begin_measured_run
 
-            record = stack.enter_context(begin_measured_run(arguments.out, rig.robot.structure)).append
+            about = describe_maker(arguments.robot or "planar", arguments.seed or 0)
+            record = stack.enter_context(begin_measured_run(arguments.out, rig.robot.structure, about)).append
         trials = repeat_trial(rig.robot, gait, settings, arguments.repeats, arguments.score or "net", record)
         return list(
             bar(

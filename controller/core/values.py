@@ -315,6 +315,9 @@ class Phase(StrEnum):
 
     SEARCH = "search"  # to find a better gait
     CONFIRMATION = "confirmation"  # to repeat a promising gait
+    ASKED = "asked"  # to measure a gait that a person chose
+    REFERENCE = "reference"  # to see whether the robot has changed
+    STEERING = "steering"  # to come closer to a goal
 
 
 @dataclass(frozen=True, slots=True)

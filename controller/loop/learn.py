@@ -167,10 +167,8 @@ class _Plan:
 
     def _take(self, suggestion: Suggestion, gait: Gait, speed_m_s: float) -> None:
         self._optimizer.tell(gait, speed_m_s)
-        if suggestion.phase is Phase.CONFIRMATION:
-            self._confirmed += 1
-        else:
-            self._searched += 1
+        self._searched += suggestion.phase is Phase.SEARCH
+        self._confirmed += suggestion.phase is Phase.CONFIRMATION
 
     def _recommend(self) -> Recommendation | None:
         if not self._finalists:

@@ -11,6 +11,7 @@ import shutil
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any, Self, cast
 
@@ -18,6 +19,7 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.message import DecodeError, Message
 from mcap.writer import CompressionType, Writer
 
+from vvvaltr import __version__
 from vvvaltr.controller.core.disk import sync_folder
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
@@ -177,6 +179,13 @@ class RunLog:
         for topic, at_ns, message in messages:
             self._writer.add_message(self._channels[topic], at_ns, message.SerializeToString(), at_ns)
         self._writer.flush()  # type: ignore[no-untyped-call]
+
+
+def describe_maker(robot: str = "", seed: int | None = None) -> dict[str, str]:
+    """Return what makes a log that begins now, for ``Run.about``: version of vvvaltr, date, name of the robot, seed."""
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    about = {"version": __version__, "date": date, "robot": robot, "seed": "" if seed is None else str(seed)}
+    return {key: value for key, value in about.items() if value}
 
 
 def find_trial_span_ns(trial: Trial, after_ns: int) -> tuple[int, int]:

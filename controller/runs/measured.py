@@ -14,8 +14,10 @@ from vvvaltr.controller.core.values import Structure
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
 
 
-def begin_measured_run(path: Path, structure: Structure | None) -> RunLog:
+def begin_measured_run(path: Path, structure: Structure | None, about: Mapping[str, str] | None = None) -> RunLog:
     """Make the folder of a run, with an empty log, in one step; return the log, to be closed after use.
+
+    ``about`` says what makes the log; see ``describe_maker``.
 
     Raises:
         UserError: ``path`` exists, or cannot be made.
@@ -25,7 +27,7 @@ def begin_measured_run(path: Path, structure: Structure | None) -> RunLog:
     with ExitStack() as undo:
         try:
             with new_folder(path) as fresh:
-                log = undo.enter_context(RunLog.create(fresh / LOG_NAME, structure))
+                log = undo.enter_context(RunLog.create(fresh / LOG_NAME, structure, about=about))
         except OSError as error:
             raise UserError(f"{path} cannot be made: {error.strerror}; choose another --out, or make room") from error
         undo.pop_all()

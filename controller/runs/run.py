@@ -6,13 +6,11 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from vvvaltr import __version__
 from vvvaltr.controller.core.disk import new_folder, write_whole
 from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
 from vvvaltr.controller.core.protocols import Observer, Optimizer
@@ -23,7 +21,7 @@ from vvvaltr.controller.loop.summary import summarise
 from vvvaltr.controller.robot.choice import option
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.runs.config import RunConfig, check_config, load_config, refuse_difference, save_config
-from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
+from vvvaltr.controller.runs.log import LOG_NAME, RunLog, describe_maker, read_run
 from vvvaltr.transfer.methods.registry import make_optimizer
 
 
@@ -59,7 +57,7 @@ class RunDirectory:
             undo.callback(rig.robot.close)
             config = _complete({**asked, "robot": choice}, rig)
             optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
-            logged = Run(rig.robot.structure, sources, about=_describe(config))
+            logged = Run(rig.robot.structure, sources, about=describe_maker(config.robot.name, config.seed))
             log = _begin(path, config, logged)
             undo.pop_all()
         return cls(path, config, rig, optimizer, log, logged)
@@ -170,12 +168,6 @@ def _blame(path: Path) -> Iterator[None]:
         yield
     except (UserError, ValueError) as error:
         raise UserError(f"{path}: {error}") from None
-
-
-def _describe(config: RunConfig) -> dict[str, str]:
-    """Return what made a log that is about to begin."""
-    date = datetime.now(UTC).isoformat(timespec="seconds")
-    return {"version": __version__, "robot": config.robot.name, "seed": str(config.seed), "date": date}
 
 
 def _refuse_existing(path: Path) -> None:

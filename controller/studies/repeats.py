@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Estimate, Gait, Outcome, Suggestion
+from vvvaltr.controller.core.values import Estimate, Gait, Outcome, Phase, Suggestion
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
@@ -41,15 +41,15 @@ def repeat_trial(
     Raises:
         TrialCrashed: the program failed during a trial; it has been recorded.
     """
-    failures = 0
+    failures, suggestion = 0, Suggestion(gait, ORIGIN, phase=Phase.ASKED)
     for number in range(1, repeats + 1):
         try:
             trial = run_trial(robot, gait, settings, number)
         except TrialCrashed as crash:
-            record(complete_record(Suggestion(gait, ORIGIN), crash.trial))
+            record(complete_record(suggestion, crash.trial))
             raise
         speed_m_s = score(trial, score_name) if trial.outcome.is_valid else None
-        logged = complete_record(Suggestion(gait, ORIGIN), trial, speed_m_s)
+        logged = complete_record(suggestion, trial, speed_m_s)
         record(logged)
         yield logged
         failures = 0 if trial.outcome.is_valid else failures + 1

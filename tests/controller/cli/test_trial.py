@@ -7,6 +7,7 @@ import pytest
 
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.errors import LinkLost
+from vvvaltr.controller.core.values import Phase
 from vvvaltr.controller.runs.log import read_run
 from vvvaltr.twin.robot import TwinMotors
 
@@ -42,6 +43,8 @@ def test_what_was_measured_is_kept_as_a_run(tmp_path: Path, capsys: pytest.Captu
     assert found["run"] == str(out)
     assert [it.score for it in trials] == [repeat["score_m_s"] for repeat in found["repeats"]]
     assert {it.suggestion.origin for it in trials} == {"asked for"}
+    assert {it.suggestion.phase for it in trials} == {Phase.ASKED}
+    assert all(it.movement is not None and it.applied is not None for it in trials)
     assert all(it.trial.poses and it.trial.commands and it.trial.states for it in trials)
     assert json.loads((out / "summary.json").read_text())["outcomes"] == {"completed": 3}
 

@@ -3,10 +3,12 @@
 import json
 import os
 import threading
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
+from vvvaltr import __version__
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.runs.log import read_run
 
@@ -96,3 +98,11 @@ def test_the_summary_is_up_to_date_after_each_trial(tmp_path: Path, capsys: pyte
             assert json.loads((run.path / "summary.json").read_text())["trials"] == logged.trial.number
     finally:
         run.close()
+
+
+def test_the_log_of_a_run_says_what_made_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main([*QUICK, "--seed", "5", "--out", str(tmp_path / "run")])
+
+    about = read_run(tmp_path / "run").about
+    assert (about["version"], about["robot"], about["seed"]) == (__version__, "planar", "5")
+    assert datetime.fromisoformat(about["date"]).tzinfo is UTC
