@@ -144,8 +144,8 @@ class GaussianProcess:
         """Return mean (m,), variance (m,) and their gradients (m, d) each, at places (m, d)."""
         kernel, rise = self._kernel(x)
         projected = kernel @ self.inverse_root.T
-        mean_gradient = -self._pulled(x, rise * self.weights)
-        variance_gradient = 2.0 * self._pulled(x, rise * (projected @ self.inverse_root))
+        mean_gradient = -self._weigh_differences(x, rise * self.weights)
+        variance_gradient = 2.0 * self._weigh_differences(x, rise * (projected @ self.inverse_root))
         return kernel @ self.weights, self._variance(projected), mean_gradient, variance_gradient
 
     def _kernel(self, x: Array) -> tuple[Array, Array]:
@@ -157,7 +157,7 @@ class GaussianProcess:
         loading = self.observations.loading
         return self.hyperparameters.signal_variance * loading * correlation, loading * rise
 
-    def _pulled(self, x: Array, weighted_rise: Array) -> Array:
+    def _weigh_differences(self, x: Array, weighted_rise: Array) -> Array:
         """Return minus the sum over the observations of a weight (m, n) times the kernel's gradient: (m, d)."""
         difference = x * weighted_rise.sum(axis=1)[:, None] - weighted_rise @ self.observations.x
         return np.asarray(_length_factors(self.hyperparameters) * difference)
