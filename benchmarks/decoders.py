@@ -90,18 +90,20 @@ def qik_device(has_crc: bool) -> Decoder:
         device.reboot(0.0)
         for board in device.boards.values():
             board.parameters[:] = [1, 0, 1, 0]
-        ask = qik_protocol.packet(1, qik_protocol.Command.FIRMWARE, has_crc=has_crc)
+        ask = qik_protocol.encode_packet(1, qik_protocol.Opcode.FIRMWARE, has_crc=has_crc)
         return device.on_bytes(b"\xaa" + ask, 0.0)[-1:] == b"2"
 
     commands = (
-        (qik_protocol.Command.FIRMWARE,),
-        (qik_protocol.Command.ERRORS,),
-        (qik_protocol.Command.GET, 3),
-        (qik_protocol.Command.SET, 3, 1, *qik_protocol.SET_KEY),
-        (qik_protocol.Command.SPEED, 100),
-        (qik_protocol.Command.SPEED + 7, 127),
+        (qik_protocol.Opcode.FIRMWARE,),
+        (qik_protocol.Opcode.ERRORS,),
+        (qik_protocol.Opcode.GET, 3),
+        (qik_protocol.Opcode.SET, 3, 1, *qik_protocol.SET_KEY),
+        (qik_protocol.Opcode.SPEED, 100),
+        (qik_protocol.Opcode.SPEED + 7, 127),
     )
-    samples = tuple(qik_protocol.packet(board, *command, has_crc=has_crc) for command in commands for board in (0, 1))
+    samples = tuple(
+        qik_protocol.encode_packet(board, *command, has_crc=has_crc) for command in commands for board in (0, 1)
+    )
     compact = tuple(bytes(command) for command in commands)
     return Decoder(f"qik device{' with CRC' if has_crc else ''}", feed, samples + compact, works)
 
@@ -216,7 +218,7 @@ def node_host() -> Decoder:
     loop = NodeTape(NodeDevice(3, _MAX_HZ, lambda: 1, time.monotonic()))
     line: NodeLine = open_node(_link(loop), _NODE_MOTORS)
     gait = Gait((5.0, 5.0, 5.0))
-    samples = (loop.device.on_bytes(node_protocol.hello(0), 0.0), _telemetry(loop.device))
+    samples = (loop.device.on_bytes(node_protocol.encode_hello(0), 0.0), _telemetry(loop.device))
 
     def feed(data: bytes) -> None:
         loop.put(data)
@@ -250,13 +252,13 @@ def node_device() -> Decoder:
         device.tick(now_s)
 
     def works() -> bool:
-        return len(device.on_bytes(b"\0" + node_protocol.hello(0), 0.0)) > 0
+        return len(device.on_bytes(b"\0" + node_protocol.encode_hello(0), 0.0)) > 0
 
     samples = (
-        node_protocol.hello(0),
-        node_protocol.drive(1, (5.0, 6.0, 7.0), 0.2),
-        node_protocol.stop(2),
-        node_protocol.clear(3),
+        node_protocol.encode_hello(0),
+        node_protocol.encode_drive(1, (5.0, 6.0, 7.0), 0.2),
+        node_protocol.encode_stop(2),
+        node_protocol.encode_clear(3),
     )
     return Decoder("node device", feed, samples, works)
 

@@ -72,7 +72,7 @@ def count_events(device: str, faults: int, seed: int) -> Counter[str]:
         for number in range(faults):
             path = Path(directory, f"run{number // _FAULTS_PER_RUN}")
             fault = draw_fault(dice, device)
-            timer = threading.Timer(dice.uniform(0.2, 1.6), observed.befall, (fault,))
+            timer = threading.Timer(dice.uniform(0.2, 1.6), observed.inject, (fault,))
             timer.start()
             spoilt = counts["spoilt_trials_learned_from"]
             counts[f"fault_{fault.kind}"] += 1

@@ -209,7 +209,7 @@ def rest_after_ms(observed: ObservedDevice, robot: HardwareRobot, failure: Excep
     observed.note()
     with closing(Watched(robot, failure)) as tracker, suppress(TrialCrashed):
         if failure is None:
-            threading.Timer(1.0, observed.befall, (Fault(kind=Kind.BLIND, at_s=0.0, duration_s=0.4),)).start()
+            threading.Timer(1.0, observed.inject, (Fault(kind=Kind.BLIND, at_s=0.0, duration_s=0.4),)).start()
         run_trial(
             Substituted(robot.motors, robot.clock, tracker),
             ON,

@@ -69,7 +69,7 @@ class ObservedDevice:
         note: Note = self._pipe.recv()
         return note
 
-    def befall(self, fault: Fault) -> None:
+    def inject(self, fault: Fault) -> None:
         """Make a fault happen."""
         self._pipe.send(fault)
 
@@ -109,7 +109,7 @@ def _serve(device: str, link: Path, pipe: Connection) -> None:
             return False
         match request := pipe.recv():
             case Fault():
-                mock.plugged.befall(request)
+                mock.plugged.inject(request)
             case "note":
                 pipe.send(Note(tuple(changes), longest_gap_s, longest_pause_s, last[1], mock.plugged.watchdog))
                 changes.clear()

@@ -1,1 +1,1 @@
-"""Devices: a folder for each, with its table of the robot's file, its line, its bytes and its mock."""
+"""Devices: one folder each, with its table of the robot's file, its line, its protocol and its mock."""

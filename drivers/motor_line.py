@@ -1,35 +1,41 @@
-"""Set-points kept alive: one I/O thread per line, and the motor driver that every protocol shares.
+"""Set-points kept alive: one I/O thread per line, and the motor driver that all devices share.
 
-A protocol is a ``MotorLine``: it encodes and decodes. What holds for all of them is here, once: a set-point is
-repeated until its ``hold_s`` has run out and no longer; after that, and after any fault, the motors are told to stop
-again and again; a device that has gone quiet, a lost line and a fault are kept until the line is opened afresh.
+A device's protocol is a ``MotorLine``: it encodes and decodes. What holds for every device is here, once: a set-point
+is repeated until its ``hold_s`` has expired and no longer; after that, and after any fault, the motors are told to stop
+again and again; a silent device, a lost line and a fault are remembered until the line is opened again.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 
-WATCHDOG = "watchdog"  # code of the DeviceFault of a device that stopped its motors for want of commands
-_RETRY_S, _LOOK_S = 0.2, 0.002
+_log = logging.getLogger(__name__)
+
+WATCHDOG = "watchdog"  # code of the DeviceFault of a device whose watchdog stopped the motors
+_REOPEN_PERIOD_S, _LOOK_S = 0.2, 0.002
 _LATE_S = 0.2  # between two set-points: less than any device's watchdog
-# A motor with a sensor is given time to start; one that has turned may not fall behind for longer than a device takes
-# to tell of a fault that may be the cause. There is no time left for that when it is stopped.
-_START_S, _TURN_S, _LAST_TURN_S = 0.3, 0.12, 0.05
+# A motor with a sensor has time to start. Once it rotates it may lag no longer than a device takes to report the fault
+# that may be the cause; when the motor is being stopped, there is no time left to wait for that report.
+_START_S, _LAG_S, _LAG_AT_STOP_S = 0.3, 0.12, 0.05
 _STARTED_SHARE, _STALLED_SHARE, _LEAST_HZ = 0.8, 0.4, 1.0
 _PRIORITY = 10
 
 
 class MotorLine(Protocol):
-    """The motors on one open line: what a new protocol has to write.
+    """The motors on one open line: what the author of a driver writes.
+
+    Gaits arrive checked: number of motors, limits and quantities by the robot's guard. Frequencies are in Hz; the line
+    applies the motors' calibration curves.
 
     ``send``, ``repeat`` and ``rest`` are called from two threads, one at a time; ``listen`` from the I/O thread alone,
     while the others may go on. Times are as ``time.monotonic()`` counts.
@@ -37,7 +43,7 @@ class MotorLine(Protocol):
 
     @property
     def name(self) -> str:
-        """What to call the line in a message: its port."""
+        """Name of the line in messages: its port."""
         ...
 
     @property
@@ -57,16 +63,16 @@ class MotorLine(Protocol):
 
     @property
     def watchdog_s(self) -> float:
-        """How long after the last set-point the device stops the motors by itself, at most."""
+        """Longest time after the last set-point until the device stops the motors by itself."""
         ...
 
     @property
     def heard_s(self) -> float:
-        """When the device last said something that made sense; of several devices, the most silent one."""
+        """Time of the device's last valid message; of several devices, the time of the one silent for longest."""
         ...
 
     def check(self, gait: Gait) -> None:
-        """Raise ValueError if the device cannot apply the frequencies of ``gait``. Sends nothing."""
+        """Raise ValueError if the device cannot encode or reach the frequencies of ``gait``. Sends nothing."""
         ...
 
     def send(self, gait: Gait) -> None:
@@ -74,39 +80,69 @@ class MotorLine(Protocol):
         ...
 
     def repeat(self, gait: Gait) -> None:
-        """Send one that changes little or not at all; a slow line may do it one motor at a time. Raises LinkLost."""
+        """Send a set-point that hardly changes; a slow line may send one motor at a time. Raises LinkLost."""
         ...
 
     def rest(self) -> None:
-        """Send what stops all motors, without waiting; called again and again. Raises LinkLost."""
+        """Send the command that stops all motors, without waiting; called again and again. Raises LinkLost."""
         ...
 
     def listen(self, until_s: float) -> None:
-        """Take in what the device says, and ask it what it does not say by itself, until ``until_s``.
+        """Receive the device's messages until ``until_s``, and request those that it does not send by itself.
 
         Raises:
             LinkLost: the line is gone.
-            DeviceFault: the device reports a fault, or says what it should not.
-            DeviceTimeout: the device owes an answer.
+            DeviceFault: the device reports a fault, or sends a message that makes no sense.
+            DeviceTimeout: an answer is overdue.
         """
         ...
 
     def state(self) -> MotorState:
-        """Return what the device last said that it applies."""
+        """Return what the device last reported that it applies."""
         ...
 
     def close(self) -> None:
-        """Let go of the line; the motors have been told to rest. Never raises."""
+        """Release the line; the motors have been told to stop. Never raises."""
         ...
+
+
+class Armable(Protocol):
+    """A line that has been opened, but whose device has not been found and armed yet."""
+
+    def arm(self) -> None:
+        """Find the device, arm its watchdog and clear old faults. Raises DeviceError."""
+        ...
+
+    def close(self) -> None:
+        """Release the line."""
+        ...
+
+
+LineT = TypeVar("LineT", bound=Armable)
+
+
+def arm_or_close(line: LineT) -> LineT:
+    """Return ``line``, armed. Where that fails it is closed, so that it can be opened again. Raises as ``arm`` does."""
+    try:
+        line.arm()
+    except BaseException:
+        line.close()
+        raise
+    return line
 
 
 class HeldMotors:
     """A motor driver over a line: satisfies ``MotorDriver``.
 
+    Two threads send: the runner's (``drive``, ``stop``) and the I/O thread, which repeats. The lock ``_sending`` guards
+    the set-point, its expiry and ramp, what each motor should do, and every call of the line's ``send``, ``repeat`` and
+    ``rest``, so that no repeat of an old set-point follows a stop. It is never held while waiting for the device.
+    ``_problem`` is a single reference, written by the I/O thread and read by both.
+
     Args:
-        open_line: opens the line, finds the device on it, arms its watchdog, and clears old faults; DeviceError if not.
-        stale_s: how long the device may say nothing.
-        ramp_hz_s: (motors,) the fastest change of each frequency; 0 for any. Empty for any of all.
+        open_line: opens the line, finds the device on it, arms its watchdog and clears old faults; DeviceError if not.
+        stale_s: how long the device may be silent.
+        ramp_hz_s: (motors,) the fastest change of each frequency; 0 for no limit. Empty for no limit on any.
 
     Raises:
         DeviceError: the line could not be opened.
@@ -117,7 +153,7 @@ class HeldMotors:
     ) -> None:
         self._open_line = open_line
         self._stale_s = stale_s
-        self._ramp = _Ramp(ramp_hz_s)
+        self._slew = _SlewLimit(ramp_hz_s)
         self._sending = threading.Lock()
         self._gait: Gait | None = None
         self._until_s = self._told_s = self._stopped_s = 0.0
@@ -139,32 +175,32 @@ class HeldMotors:
         self._line.check(gait)
 
     def drive(self, gait: Gait, hold_s: float) -> None:
-        """Send ``gait`` now and repeat it for ``hold_s``, then stop. Raises as ``MotorDriver.drive`` does."""
+        """Send ``gait`` now and repeat it for ``hold_s``, then stop. Raises as ``MotorLine`` and ``state`` do."""
         self.check(gait)
         with self._sending:
             self._raise_problem()
             now_s = time.monotonic()
             self._gait, self._until_s, self._told_s = gait, now_s + hold_s, now_s
-            step = self._ramp.towards(gait, now_s)
+            step = self._slew.towards(gait, now_s)
             self._follow(step, now_s)
             self._line.send(step)
 
     def state(self) -> MotorState:
-        """Return what the device applies. Raises DeviceError for a fault, a lost line, or a device gone quiet."""
+        """Return what the device applies. Raises DeviceError for a fault, a lost line, or a silent device."""
         self._raise_problem()
         self._check_heard(time.monotonic())
         return self._line.state()
 
     def stop(self) -> None:
-        """Stop all motors now, and wait for the device's next word. Idempotent.
+        """Stop all motors now, and wait for the device's next message. Idempotent.
 
         Raises:
-            DeviceError: the device cannot be told, has had a fault meanwhile, or says nothing any more.
+            DeviceError: the device cannot be told, has had a fault meanwhile, or is silent.
         """
-        self.tell_to_stop()
-        self.await_word()
+        self.send_stop()
+        self.await_message()
 
-    def tell_to_stop(self) -> None:
+    def send_stop(self) -> None:
         """Do the first half of ``stop``: send it. Raises LinkLost."""
         with self._sending:
             self._gait = None
@@ -172,12 +208,12 @@ class HeldMotors:
                 raise self._problem
             if not self._closing.is_set():
                 try:
-                    self._problem = self._problem or self._stall(_LAST_TURN_S)
+                    self._problem = self._problem or self._stall(_LAG_AT_STOP_S)
                 finally:
                     self._rest()
                     self._stopped_s = time.monotonic()
 
-    def await_word(self) -> None:
+    def await_message(self) -> None:
         """Do the second half of ``stop``: what went wrong since the runner last looked must not be missed."""
         while not self._closing.is_set() and self._line.heard_s <= self._stopped_s:
             self._raise_problem()
@@ -187,7 +223,7 @@ class HeldMotors:
             self._raise_problem()
 
     def ready(self, patience_s: float = 0.0) -> None:
-        """Make the motors ready for a trial: after any fault, open the line afresh. For use between trials only.
+        """Make the motors ready for a trial: after any fault, open the line again. For use between trials only.
 
         Args:
             patience_s: how long to go on trying, for a device that is still starting.
@@ -197,16 +233,18 @@ class HeldMotors:
         """
         deadline_s = time.monotonic() + patience_s
         while self._problem is not None:
+            _log.info("%s: opening the line again after: %s", self._line.name, self._problem)
             self._shut()
             try:
                 self._open()
-            except DeviceError:
+            except DeviceError as error:
                 if time.monotonic() > deadline_s:
                     raise
-                time.sleep(_RETRY_S)
+                _log.info("the line does not open yet, trying again: %s", error)
+                time.sleep(_REOPEN_PERIOD_S)
 
     def close(self) -> None:
-        """Stop, then let go of the line. Idempotent."""
+        """Stop the motors, then release the line. Idempotent."""
         self._shut()
 
     def _open(self) -> None:
@@ -219,7 +257,7 @@ class HeldMotors:
         self._thread.start()
 
     def _shut(self) -> None:
-        """Stop the motors and close the line; a lost line only lets the device's watchdog do the first."""
+        """Stop the motors and close the line; where the line is lost, the device's watchdog stops the motors."""
         with suppress(LinkLost), self._sending:
             self._rest()
         self._closing.set()
@@ -245,7 +283,7 @@ class HeldMotors:
                 listening_s = time.monotonic()
                 self._line.listen(deadline_s)
                 self._check_heard(listening_s)
-                self._check_turning()
+                self._check_stalls()
             except LinkLost as error:
                 self._problem = error
                 return
@@ -262,16 +300,17 @@ class HeldMotors:
                 self._rest()
             elif late_s > _LATE_S:
                 raise DeviceTimeout(
-                    f"{self._line.name}: set-points were {late_s:.2f} s apart; is the computer too busy?"
+                    f"{self._line.name}: set-points were {late_s:.2f} s apart, for the computer is too busy; "
+                    "end other programs"
                 )
             else:
-                step = self._ramp.towards(self._gait, now_s)
+                step = self._slew.towards(self._gait, now_s)
                 self._follow(step, now_s)
                 self._line.repeat(step)
 
     def _rest(self) -> None:
         self._gait = None
-        self._ramp.restart()
+        self._slew.restart()
         self._follow(Gait((0.0,) * self.motor_count), time.monotonic())
         self._line.rest()
 
@@ -279,13 +318,13 @@ class HeldMotors:
         for follower, frequency_hz in zip(self._followers, step.frequency_hz, strict=True):
             follower.want(frequency_hz, now_s)
 
-    def _check_turning(self) -> None:
-        with self._sending:  # else the runner might change what is wanted in the middle of the comparison
-            if (stall := self._stall(_TURN_S)) is not None:
+    def _check_stalls(self) -> None:
+        with self._sending:  # else the runner might change the set-points in the middle of the comparison
+            if (stall := self._stall(_LAG_S)) is not None:
                 raise stall
 
     def _stall(self, patience_s: float) -> DeviceFault | None:
-        """Return the fault of a motor that has been measured not to turn as told for so long; None if all do."""
+        """Return the fault of a motor that has lagged its set-point for ``patience_s``; None if all follow."""
         state = self._line.state()
         for follower, frequency_hz in zip(self._followers, state.frequency_hz, strict=True):
             if state.measured and follower.has_stalled(frequency_hz, state.t_s, patience_s):
@@ -297,7 +336,7 @@ class HeldMotors:
         return None
 
     def _give_up(self, problem: DeviceError) -> None:
-        """Keep the first problem, and rest until the line is opened afresh."""
+        """Keep the first problem, and stop the motors until the line is opened again."""
         with self._sending, suppress(LinkLost):
             self._problem = self._problem or problem
             self._rest()
@@ -305,15 +344,17 @@ class HeldMotors:
     def _check_heard(self, now_s: float) -> None:
         silence_s = now_s - self._line.heard_s
         if silence_s > self._stale_s:
-            raise DeviceTimeout(f"{self._line.name}: the device has said nothing for {silence_s:.2f} s")
+            raise DeviceTimeout(
+                f"{self._line.name}: no message from the device for {silence_s:.2f} s; check its power and wiring"
+            )
 
     def _raise_problem(self) -> None:
         if self._problem is not None:
             raise self._problem
 
 
-class _Ramp:
-    """Approaches a gait no faster than the motors may change."""
+class _SlewLimit:
+    """Approaches a gait no faster than each motor may change. The ramp of a trial scales the whole gait instead."""
 
     def __init__(self, ramp_hz_s: Sequence[float]) -> None:
         self._ramp_hz_s = tuple(ramp_hz_s)
@@ -338,26 +379,26 @@ class _Ramp:
 
 
 class _Follower:
-    """Compares what a motor does with what it was told. Times as ``time.monotonic()`` counts."""
+    """Compares what a motor does with its set-point. Times as ``time.monotonic()`` counts."""
 
     def __init__(self, number: int) -> None:
         self.number = number
         self.wanted_hz = 0.0
-        self._told_s = self._turned_s = 0.0
+        self._told_s = self._followed_s = 0.0
         self._has_started = False
 
     def want(self, frequency_hz: float, now_s: float) -> None:
-        """Take note of a set-point; after one that is much greater, or nearly 0, the motor has time to start again."""
+        """Note a set-point; after one that is much greater, or nearly 0, the motor has time to start again."""
         if abs(frequency_hz) < _LEAST_HZ or abs(frequency_hz - self.wanted_hz) > _STALLED_SHARE * abs(frequency_hz):
             self._has_started, self._told_s = False, now_s
         self.wanted_hz = frequency_hz
 
     def has_stalled(self, frequency_hz: float, t_s: float, patience_s: float) -> bool:
-        """Return whether the motor, which turned so fast at ``t_s``, has not started in time, or is behind for long."""
+        """Return whether the motor, at ``frequency_hz`` at ``t_s``, has not started in time or lags for too long."""
         if abs(self.wanted_hz) < _LEAST_HZ:
             return False
         share = frequency_hz / self.wanted_hz
         if share > _STALLED_SHARE:
-            self._turned_s = t_s
+            self._followed_s = t_s
         self._has_started = self._has_started or share > _STARTED_SHARE
-        return t_s > (self._turned_s + patience_s if self._has_started else self._told_s + _START_S)
+        return t_s > (self._followed_s + patience_s if self._has_started else self._told_s + _START_S)

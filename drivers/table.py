@@ -55,7 +55,7 @@ class LineTable(Table, frozen=True, kw_only=True, tag_field="driver"):
     def check(self) -> None:
         """Raise ValueError, its text beginning with the key, where the table makes no sense as a whole."""
 
-    def without_curves(self) -> Self:
+    def remove_curves(self) -> Self:
         """Return the line with commands in place of frequencies, each motor limited to its ``max_command``."""
         motors = tuple(msgspec.structs.replace(motor, curve=(), max_hz=motor.max_command) for motor in self.motor)
         return msgspec.structs.replace(self, motor=motors)

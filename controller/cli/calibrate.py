@@ -44,7 +44,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
 
 
 def _execute(arguments: Namespace) -> Answer:
-    from vvvaltr.controller.robot.commissioning.calibrate import fitted, with_curves
+    from vvvaltr.controller.robot.commissioning.calibrate import fit_curve, replace_curves
     from vvvaltr.controller.robot.robot_file import load_robot_file
 
     path = chosen_robot_file(arguments, "calibrate", _PURPOSE)
@@ -53,10 +53,10 @@ def _execute(arguments: Namespace) -> Answer:
     robot_file = load_robot_file(path)
     seen = _measure(robot_file, arguments)
     curves = [
-        fitted([reading for reading in seen if reading.motor == motor], table.curve)
+        fit_curve([reading for reading in seen if reading.motor == motor], table.curve)
         for motor, table in enumerate(robot_file.motors)
     ]
-    _keep(path, with_curves(robot_file, curves))
+    _keep(path, replace_curves(robot_file, curves))
     prose = [
         f"motor {motor}: " + ", ".join(f"{command:g} -> {hz:.2f} Hz" for command, hz in curve)
         for motor, curve in enumerate(curves, start=1)
@@ -67,15 +67,15 @@ def _execute(arguments: Namespace) -> Answer:
 
 def _measure(robot_file: RobotFile, arguments: Namespace) -> list[Reading]:
     from vvvaltr.controller.core.errors import one_line_errors
-    from vvvaltr.controller.robot.commissioning.calibrate import readings, without_curves
+    from vvvaltr.controller.robot.commissioning.calibrate import measure_motors, remove_curves
     from vvvaltr.controller.robot.hardware import open_hardware
 
-    bare = without_curves(robot_file)
+    bare = remove_curves(robot_file)
     greatest = bare.limits.max_hz
     say(arguments, "the motors will turn, one after the other, up to full speed")
     with one_line_errors(), closing(open_hardware(bare)) as robot:
         ask = _asked_hz if arguments.ask else None
-        run = readings(robot, greatest, arguments.points, arguments.seconds, ask)
+        run = measure_motors(robot, greatest, arguments.points, arguments.seconds, ask)
         return list(bar(arguments, run, total=len(greatest) * arguments.points, desc="calibrating", unit="point"))
 
 
@@ -100,13 +100,13 @@ def _keep(path: Path, robot_file: RobotFile) -> None:
     import msgspec
 
     from vvvaltr.controller.core.disk import write_whole
-    from vvvaltr.controller.robot.commissioning.calibrate import rewritten
+    from vvvaltr.controller.robot.commissioning.calibrate import rewrite_robot_file
     from vvvaltr.controller.robot.robot_file import robot_file_from
 
     if path.suffix == ".json":
         text = json.dumps(msgspec.to_builtins(robot_file), indent=2) + "\n"
     else:
-        text = rewritten(path.read_text(encoding="utf-8"), robot_file)
+        text = rewrite_robot_file(path.read_text(encoding="utf-8"), robot_file)
     try:
         robot_file_from(json.loads(text) if path.suffix == ".json" else tomllib.loads(text), str(path))
     except UserError as error:

@@ -86,7 +86,7 @@ def _run(plugged: PluggedDevice, is_over: Callable[[], bool], takes_faults: bool
             status.report(now_s)
         with one_line_errors():
             for fault in faults.read() if faults else ():
-                plugged.befall(fault)
+                plugged.inject(fault)
         return is_over()
 
     plugged.run(each_time)

@@ -1,4 +1,4 @@
-"""What every robot does, whatever it is made of: a suite for pytest that also runs on the driver of another package.
+"""The behaviour of every robot, as a suite for pytest that also runs on the driver of another package.
 
 ::
 

@@ -19,7 +19,7 @@ from vvvaltr.drivers.table import LineTable
 from vvvaltr.drivers.trackers.registry import PoseTracker, open_tracker
 
 _GREETING_S, _LOOK_S = 2.0, 0.02
-_PATIENCE_S = 10.0  # with a device that starts anew, or is being plugged in again
+_RETURN_S = 10.0  # time for a device to restart, or for a person to plug it in again
 _SWITCH_S = 1e-4  # how long another thread may hold the interpreter before an I/O thread gets it
 
 
@@ -32,7 +32,7 @@ def open_hardware(robot: RobotFile) -> HardwareRobot:
         ValueError: the tracker's address cannot be used.
         UserError: a motor is not calibrated, or what the tracker needs is not installed.
     """
-    # The I/O threads must never wait long: not for other threads, and not for the collection of what lives for ever.
+    # The I/O threads must never wait long: neither for other threads nor for garbage collection of permanent objects.
     sys.setswitchinterval(_SWITCH_S)
     gc.freeze()
     with ExitStack() as opened:
@@ -70,7 +70,7 @@ class JoinedMotors:
         return frozenset.intersection(*(line.quantities for line in self._lines))
 
     def drive(self, gait: Gait, hold_s: float) -> None:
-        """Send each line its share, once all lines can apply theirs. Raises as ``MotorDriver.drive`` does."""
+        """Send each line its part, once all lines can apply theirs. Raises as ``MotorDriver.drive`` does."""
         shares = self._shares(gait)
         for line, share in zip(self._lines, shares, strict=True):
             line.check(share)
@@ -89,10 +89,10 @@ class JoinedMotors:
         )
 
     def stop(self) -> None:
-        """Stop all motors, also where one line cannot be told. Raises DeviceError for the first such line."""
-        # No line's motors turn on while another one's device is waited for.
+        """Stop the motors of all lines, even if one line is lost. Raises the first DeviceError afterwards."""
+        # All lines are sent the stop before any device's answer is awaited.
         problems = []
-        for act in (HeldMotors.tell_to_stop, HeldMotors.await_word):
+        for act in (HeldMotors.send_stop, HeldMotors.await_message):
             for line in self._lines:
                 try:
                     act(line)
@@ -102,15 +102,15 @@ class JoinedMotors:
             raise problems[0]
 
     def ready(self, patience_s: float) -> None:
-        """Open afresh what had a fault. For use between trials only. Raises DeviceError."""
+        """Open every line again that had a fault. For use between trials only. Raises DeviceError."""
         for line in self._lines:
             line.ready(patience_s)
 
     def close(self) -> None:
-        """Stop, then let go of all lines."""
+        """Stop, then release all lines."""
         for line in self._lines:
             with suppress(DeviceError):
-                line.tell_to_stop()
+                line.send_stop()
         for line in self._lines:
             line.close()
 
@@ -138,8 +138,8 @@ class HardwareRobot:
             DeviceError: a device does not come back.
             TrackingLost: the tracker does not see the robot again.
         """
-        self.motors.ready(_PATIENCE_S)
-        self.find(_PATIENCE_S)
+        self.motors.ready(_RETURN_S)
+        self.find(_RETURN_S)
 
     def carry_on(self, trial: int) -> None:
         """Do as ``place`` does: nobody moves the robot between trials."""
@@ -157,7 +157,7 @@ class HardwareRobot:
             time.sleep(_LOOK_S)
 
     def close(self) -> None:
-        """Stop the motors and let go of everything. Idempotent."""
+        """Stop the motors and release everything. Idempotent."""
         self.motors.close()
         self.tracker.close()
 

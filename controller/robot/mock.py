@@ -1,4 +1,4 @@
-"""Mock devices, each with its port and the robot's file that fits it."""
+"""Mock devices, each with its port, its moving twin and the matching robot's file."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Mock:
     tracker: str
 
     def close(self) -> None:
-        """Leave nothing behind."""
+        """Remove the port and the robot's file."""
         self.plugged.close()
         self.robot_file.unlink(missing_ok=True)
 

@@ -1,4 +1,4 @@
-"""Puts a robot together from what was asked for: a twin in its condition, or hardware from its file."""
+"""Opens the robot that was chosen: a twin in its condition, or hardware from its file."""
 
 from __future__ import annotations
 

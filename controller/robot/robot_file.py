@@ -80,7 +80,7 @@ class RobotFile(Table, frozen=True, kw_only=True):
 
     @property
     def limits(self) -> Limits:
-        """What may be asked of the motors."""
+        """The limits of the motors."""
         return Limits(tuple(motor.max_hz for motor in self.motors))
 
     @property

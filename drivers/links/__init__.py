@@ -1,1 +1,1 @@
-"""How bytes and frames travel, whatever they mean: serial lines, CAN buses, and the clocks at their far ends."""
+"""Transport of bytes and frames, whatever they mean: serial lines, CAN buses, and the clocks of remote devices."""

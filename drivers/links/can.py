@@ -1,7 +1,8 @@
-"""A CAN bus, by python-can: socketcan, slcan, virtual, and whatever else it knows."""
+"""A CAN bus, by python-can: socketcan, slcan, virtual, and whatever else python-can supports."""
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -12,18 +13,20 @@ import can
 
 from vvvaltr.drivers.links.link import lost_link
 
-_SYMPTOMS = (can.CanError, TypeError, ValueError)  # the last one: of a socket that is closed
-_SYMPTOMS_OF_READING = (can.CanError, TypeError)  # here, a ValueError is a garbled frame's
+_log = logging.getLogger(__name__)
+
+_SYMPTOMS = (can.CanError, TypeError, ValueError)  # a closed socket raises ValueError
+_SYMPTOMS_OF_READING = (can.CanError, TypeError)  # when reading, ValueError means a garbled frame
 _GARBLED = (ValueError, IndexError)  # what the slcan parser raises for a line that is not a frame
 _WRITE_TIMEOUT_S = 0.2  # pyserial also counts the time for which this process itself was held up
-_BACKLOG_S = 0.02  # how long after a deadline frames that wait already are still taken in
+_BACKLOG_S = 0.02  # frames already waiting are still read for this long after the deadline
 # The bus adapter needs no time to start, and a longer read timeout wakes the I/O thread less often.
 _SLCAN = {"sleep_after_open": 0.0, "timeout": 0.005}
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A classic CAN frame with an 11-bit identifier; a remote one asks for data and has none."""
+    """A classic CAN frame with an 11-bit identifier; a remote frame requests data and carries none."""
 
     identifier: int
     data: bytes = b""
@@ -67,15 +70,16 @@ class CanLink:
     def frames(self, until_s: float) -> Iterator[Frame]:
         """Yield frames as they come in until ``until_s``, as ``time.monotonic()`` counts. Raises LinkLost.
 
-        Garbled lines are counted and left out, and so are frames that report errors on the bus: the controllers send
-        those frames again, and a bus on which that does not help shows by its silence.
+        Garbled lines of an slcan adapter are counted, logged and skipped. Error frames are skipped too: the CAN
+        controllers retransmit, and a bus on which that does not help becomes silent.
         """
         while (left_s := until_s - time.monotonic()) > -_BACKLOG_S:
             try:
                 with lost_link(self._name, *_SYMPTOMS_OF_READING):
                     message = self._received(max(0.0, left_s))
-            except _GARBLED:
+            except _GARBLED as error:
                 self.garbled += 1
+                _log.debug("%s: garbled frame skipped, the %d. on this bus (%s)", self._name, self.garbled, error)
                 continue
             if message is None and left_s <= 0.0:
                 return
@@ -87,13 +91,13 @@ class CanLink:
             return self._bus.recv(timeout=timeout_s)
         except can.CanOperationError as error:
             if isinstance(error.__cause__, UnicodeDecodeError):
-                # slcan takes this for a lost line, and would stumble over the same bytes for ever.
+                # slcan reports this as a lost line, and would stop at the same bytes again and again.
                 self._bus.flush()  # type: ignore[attr-defined]
                 raise error.__cause__ from None
             raise
 
     def close(self) -> None:
-        """Let go of the bus. Idempotent; never raises."""
+        """Release the bus. Idempotent; never raises."""
         with suppress(*_SYMPTOMS, OSError):
             self._bus.shutdown()
         # After unplugging, python-can gives up before it has closed the port beneath slcan.

@@ -1,4 +1,4 @@
-"""The calibration curve of a motor without a sensor: which command makes it turn how fast."""
+"""The calibration curve of a motor: the frequency at each command."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from itertools import pairwise
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Command to frequency, straight between the measured points, and the same in both senses of rotation.
+    """Command to frequency, linear between the measured points, and the same in both senses of rotation.
 
-    Below the first point is the dead band, where the motor does not turn: such a frequency is off. Above the last
+    Below the first point is the dead band, in which the motor does not rotate: such a frequency is off. Above the last
     point nothing is known, so nothing is allowed.
 
     Args:
@@ -46,11 +46,11 @@ class Curve:
         """Return the command for a frequency; 0 in the dead band. Raises ValueError for one above the last point."""
         if abs(frequency_hz) > self.highest_hz + 1e-9:
             raise ValueError(f"{frequency_hz:g} Hz is beyond the calibrated {self.highest_hz:g} Hz")
-        return _interpolated([(hz, command) for command, hz in self.points], frequency_hz)
+        return _interpolate([(hz, command) for command, hz in self.points], frequency_hz)
 
     def frequency_hz(self, command: float) -> float:
         """Return the frequency at a command; 0 within the dead band, the last point's beyond it."""
-        return _interpolated(self.points, command)
+        return _interpolate(self.points, command)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,22 @@ class Uncorrected:
 UNCORRECTED = Uncorrected()
 
 
-def _interpolated(points: Sequence[tuple[float, float]], signed: float) -> float:
+def to_commands(curves: Sequence[Curve | Uncorrected], frequency_hz: Sequence[float], name: str) -> tuple[float, ...]:
+    """Return the command of each motor of the line called ``name``.
+
+    Raises:
+        ValueError: a frequency is beyond the motor's curve.
+    """
+    commands = []
+    for number, (curve, hz) in enumerate(zip(curves, frequency_hz, strict=True), start=1):
+        try:
+            commands.append(curve.command(hz))
+        except ValueError as error:
+            raise ValueError(f"{name}, motor {number} of the line: {error}") from None
+    return tuple(commands)
+
+
+def _interpolate(points: Sequence[tuple[float, float]], signed: float) -> float:
     """Return the value at ``abs(signed)`` with the sign of ``signed``; 0 before the first point."""
     place = min(abs(signed), points[-1][0])
     # Rounding must not push the first point itself into the dead band.

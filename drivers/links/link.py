@@ -1,4 +1,4 @@
-"""The line to a device: bytes out, bytes in, and one error for everything that a lost line can look like."""
+"""The line to a device: bytes out, bytes in, and one error, LinkLost, for every symptom of a lost line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Link(Protocol):
 
     @property
     def name(self) -> str:
-        """What to call the line in a message: its port."""
+        """Name of the line in messages: its port."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -30,7 +30,7 @@ class Link(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of the line. Idempotent; never raises, for a lost line cannot be closed in a better way."""
+        """Release the line. Idempotent. Never raises: nothing more can be done for a lost line."""
         ...
 
 
@@ -51,12 +51,12 @@ def read_exactly(link: Link, size: int, deadline_s: float) -> bytes:
         left_s = deadline_s - time.monotonic()
         data += (part := link.read(size - len(data), max(0.0, left_s)))
         if not part and left_s <= 0.0:
-            raise DeviceTimeout(f"{link.name}: {len(data)} of {size} bytes came in time")
+            raise DeviceTimeout(f"{link.name}: the answer has {len(data)} of {size} bytes; check wiring and baud rate")
     return data
 
 
 def discard(link: Link) -> int:
-    """Throw away what has come in unasked or too late; returns how many bytes that was. Raises LinkLost."""
+    """Discard received bytes that were not requested or came too late; return their number. Raises LinkLost."""
     count = 0
     while part := link.read(4096, 0.0):
         count += len(part)
@@ -65,11 +65,13 @@ def discard(link: Link) -> int:
 
 @contextmanager
 def lost_link(name: str, *symptoms: type[Exception]) -> Iterator[None]:
-    """Turn the ``symptoms`` of a lost line, and any OSError, into LinkLost, with the line's name."""
+    """Raise LinkLost, with the line's name, for the ``symptoms`` of a lost line and for any OSError."""
     kinds: tuple[type[Exception], ...] = (OSError, *symptoms)
     try:
         yield
     except DeviceError:
-        raise  # also an OSError, but one that says already what happened
+        raise  # some are OSErrors too, but they name the cause already
     except kinds as error:
-        raise LinkLost(f"{name}: the line is gone or cannot be opened ({error})") from error
+        raise LinkLost(
+            f"{name}: the line is lost or cannot be opened ({error}); check cable, port and permissions"
+        ) from error

@@ -1,16 +1,16 @@
-"""Another clock's time stamps, placed on this computer's: so that a late message does not pass for a new one."""
+"""Time stamps of another clock converted to this computer's, so that a delayed message does not pass for a new one."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
 
-_DRIFT = 2e-4  # of two clocks against each other, at most
+_DRIFT = 2e-4  # the greatest drift of two clocks against each other
 _REMEMBERED = 512  # messages
 
 
 class RemoteClock:
-    """Learns the difference of the two clocks from the messages: from the one that was the least under way."""
+    """Estimates the offset of the two clocks from the message with the shortest latency."""
 
     def __init__(self) -> None:
         self._offset_s = math.inf
@@ -38,7 +38,7 @@ class RemoteClock:
             there_s: the time stamp of the message, on a clock that never goes back.
             received_s: when the message came, on this computer's clock.
         """
-        # The difference may creep, for clocks drift, but a lasting delay does not vanish in it within a trial.
+        # The offset may creep, for clocks drift, but too slowly to absorb a lasting delay within a trial.
         creep_s = _DRIFT * max(0.0, there_s - self._last_s)
         self._last_s = there_s
         self._offset_s = min(self._offset_s + creep_s, received_s - there_s)

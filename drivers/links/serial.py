@@ -1,4 +1,4 @@
-"""A serial line, by pyserial: a device file, a pty, or any URL that pyserial knows (``socket://``, ``spy://``)."""
+"""A serial line, by pyserial: a device file, a pty, or any URL that pyserial supports (``socket://``, ``spy://``)."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ class SerialLink:
         with lost_link(self._name, *_SYMPTOMS):
             if not select.select([self._serial.fileno()], [], [], timeout_s)[0]:
                 return b""
-        # What is ready to be read and then has no data is the end of the line.
+        # A line that is ready to be read but has no data has been closed at its other end.
         with suppress(OSError, *_SYMPTOMS):
             if data := self._serial.read(size):
                 return bytes(data)
-        raise LinkLost(f"{self._name}: the device hung up")
+        raise LinkLost(f"{self._name}: the device was unplugged or switched off")
 
     def close(self) -> None:
-        """Let go of the port. Idempotent."""
+        """Release the port. Idempotent."""
         with suppress(OSError, *_SYMPTOMS):
             self._serial.close()

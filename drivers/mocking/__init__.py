@@ -1,1 +1,1 @@
-"""What all mock devices share: their port, their faults, the twin that they move."""
+"""Parts shared by all mock devices: the port, the fault script, the twin that the motors move."""

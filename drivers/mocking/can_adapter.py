@@ -1,4 +1,4 @@
-"""Between a CAN device and its line: an adapter that speaks slcan text, and one that sits on a real or virtual bus."""
+"""Adapters between a mock CAN device and its line: slcan text on a serial line, and a real or virtual bus."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ class CanDevice(Protocol):
         ...
 
     def on_frame(self, frame: Frame, now_s: float) -> list[Frame]:
-        """Take in a frame; returns the replies."""
+        """Receive a frame; return the replies."""
         ...
 
     def tick(self, now_s: float) -> list[Frame]:
-        """Let time pass; returns what the devices say by themselves."""
+        """Let time pass; return the frames that the devices send unprompted."""
         ...
 
     def begin_fault(self, fault: Fault, now_s: float) -> None:
-        """Suffer a fault."""
+        """Let a fault begin."""
         ...
 
     def end_fault(self, fault: Fault, now_s: float) -> None:
-        """Be rid of a fault's cause."""
+        """End a fault's cause."""
         ...
 
     def reboot(self, now_s: float) -> None:
-        """Start afresh."""
+        """Reboot."""
         ...
 
 
@@ -107,20 +107,20 @@ class SlcanAdapter:
         return said
 
     def tick(self, now_s: float) -> bytes:
-        """Let time pass; returns the frames on the bus."""
+        """Let time pass; return the frames on the bus."""
         frames = self._device.tick(now_s)
         return b"".join(map(to_text, frames)) if self._is_open else b""
 
     def begin_fault(self, fault: Fault, now_s: float) -> None:
-        """Let the device suffer a fault."""
+        """Let a fault of the device begin."""
         self._device.begin_fault(fault, now_s)
 
     def end_fault(self, fault: Fault, now_s: float) -> None:
-        """Let the device be rid of a fault's cause."""
+        """End the cause of a fault of the device."""
         self._device.end_fault(fault, now_s)
 
     def reboot(self, now_s: float) -> None:
-        """Start the device afresh; the adapter has its power from the controller."""
+        """Reboot the device; the adapter is powered by the controller."""
         self._device.reboot(now_s)
 
     def _obey(self, line: bytes, now_s: float) -> bytes:
@@ -138,7 +138,7 @@ class SlcanAdapter:
 
 
 class BusPort:
-    """A place on a CAN bus of python-can, for a device that speaks slcan text: a ``Port``."""
+    """A ``Port`` on a CAN bus of python-can, for a device behind slcan text."""
 
     def __init__(self, interface: str, channel: str, bitrate: int, options: Mapping[str, Any] | None = None) -> None:
         self._open: Callable[[], CanLink] = lambda: CanLink(interface, channel, bitrate, options)
@@ -152,7 +152,7 @@ class BusPort:
         return text
 
     def send(self, data: bytes, now_s: float) -> None:
-        """Put the frames of ``data`` on the bus; what is no frame is lost, as a garbled one is."""
+        """Put the frames of ``data`` on the bus; a line that is not a frame is lost, like a garbled one."""
         for line in data.split(_DONE):
             if self._link is not None and (frame := from_text(line)) is not None:
                 self._link.send(frame)

@@ -1,4 +1,4 @@
-"""What a mock device's logic has to offer; line, clock, faults and motion are the frame's."""
+"""The interface of a mock device's logic. ``PluggedDevice`` adds line, clock, fault script and moving twin."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ class Device(Protocol):
 
     @property
     def watchdog(self) -> bool:
-        """Whether the watchdog has stopped the motors, and no command came since."""
+        """Whether the watchdog has stopped the motors and no command has come since."""
         ...
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """The faults that the device has now, in words or codes of its own."""
+        """The faults that the device has now, in its own words or codes."""
         ...
 
     def on_bytes(self, data: bytes, now_s: float) -> bytes:
-        """Take in bytes as they cross the line, in pieces of any length; returns the reply, or nothing."""
+        """Receive bytes as they cross the line, in pieces of any length; return the reply, or nothing."""
         ...
 
     def tick(self, now_s: float) -> bytes:
-        """Let time pass (every few ms); returns what the device says by itself, a whole message or nothing."""
+        """Let time pass (every few ms); return what the device sends unprompted: a whole message or nothing."""
         ...
 
     def begin_fault(self, fault: Fault, now_s: float) -> None:
-        """Suffer ``fault``, of a kind in ``faults.DEVICE_KINDS``. Raises ValueError for one that it cannot have."""
+        """Let ``fault`` begin, of a kind in ``faults.DEVICE_KINDS``. Raises ValueError for one that it cannot have."""
         ...
 
     def end_fault(self, fault: Fault, now_s: float) -> None:
-        """Be rid of the cause of ``fault``; a fault that the device latches stays latched."""
+        """End the cause of ``fault``; a fault that the device latches stays latched."""
         ...
 
     def reboot(self, now_s: float) -> None:
-        """Start afresh, as after a loss of power: forget everything that is not in permanent memory."""
+        """Reboot, as after a loss of power: forget everything that is not in permanent memory."""
         ...

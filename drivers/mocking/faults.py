@@ -32,13 +32,13 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Args:
         kind: what goes wrong.
-        at_s: begin so many seconds after the device started.
-        after_motion_s: begin so many seconds after a motor first turned.
-        at_reply: begin with the so many-th message of the device, counted from 1.
-        every_s: begin again so many seconds after each beginning; None for once.
+        at_s: time from the start of the device to the fault.
+        after_motion_s: time from the first rotation of a motor to the fault.
+        at_reply: number of the device's message at which the fault begins, counted from 1.
+        every_s: time from each beginning of the fault to the next; None for once.
         duration_s: how long it lasts (stall, brown-out, unplugging, error, silence, blindness).
-        replies: how many messages it befalls (drop, corrupt, delay, duplicate).
-        delay_s: by how much messages are late.
+        replies: number of messages affected (drop, corrupt, delay, duplicate).
+        delay_s: how late messages are.
         motor: the motor, counted from 1 (stall, error).
         code: the device's own code for the error; None for the mock's choice.
 
@@ -72,13 +72,13 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class FaultScript(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All that goes wrong on one device: ``[[fault]]`` tables."""
+    """All faults of one device: ``[[fault]]`` tables."""
 
     fault: tuple[Fault, ...] = ()
 
 
 class Schedule:
-    """Says which faults begin and end. Times are in seconds on one clock; the device started at ``start_s``."""
+    """Decides which faults begin and end. Times are in seconds on one clock; the device started at ``start_s``."""
 
     def __init__(self, start_s: float) -> None:
         self._start_s = start_s
@@ -88,7 +88,7 @@ class Schedule:
         self._lasting: list[tuple[float, Fault]] = []
 
     def add(self, fault: Fault) -> None:
-        """Take in one more fault."""
+        """Add a fault."""
         self._waiting.append(fault)
 
     def begin(self, now_s: float, replies: int, is_turning: bool) -> list[Fault]:

@@ -1,4 +1,4 @@
-"""The mock's robot: a twin that moves in real time, and the tracker that sees it."""
+"""The robot of a mock device: a twin that moves in real time and is shown to a tracker."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from vvvaltr.controller.core.values import Gait
 from vvvaltr.drivers.trackers.registry import PoseFeed
 
 _POSE_PERIOD_S = 0.02
-_SHORTEST_STEP_S = 0.01  # a tracker sees no more of the motion, and the next byte is not kept waiting for it
-_LONGEST_STEP_S = 0.05  # a mock that was held up for longer lets the rest of that time pass without motion
+_SHORTEST_STEP_S = 0.01  # finer than a tracker resolves; shorter steps would delay the next byte
+_LONGEST_STEP_S = 0.05  # a mock that was held up for longer skips the rest
 
 
 class Motion:
-    """Moves a twin with what the device applies, and sends its pose, 50 times a second.
+    """Moves a twin at the frequencies that the device applies, and shows its pose to a tracker 50 times a second.
 
     Args:
-        twin: the robot; nobody puts it back between trials.
+        twin: the robot; it is not put back between trials.
         feed: shows its poses to the tracker.
     """
 
@@ -32,7 +32,7 @@ class Motion:
         self.is_blind = False
 
     def advance(self, applied_hz: Sequence[float], now_s: float) -> None:
-        """Let the robot move until ``now_s``, as ``time.monotonic()`` counts, and send its pose when that is due."""
+        """Move the robot until ``now_s``, as ``time.monotonic()`` counts, and show its pose when that is due."""
         if now_s - self._now_s < _SHORTEST_STEP_S:
             return
         elapsed_s = min(now_s - self._now_s, _LONGEST_STEP_S)
@@ -41,7 +41,7 @@ class Motion:
             self._twin.motors.drive(Gait(tuple(applied_hz)), 1.0)
             self._twin.clock.sleep(max(0.0, elapsed_s))
         except DeviceFault:
-            self._twin.place(0)  # the physics broke down, and somebody picks the robot up
+            self._twin.place(0)  # the physics diverged: place the robot anew
         if now_s >= self._next_pose_s:
             self._next_pose_s = max(self._next_pose_s + _POSE_PERIOD_S, now_s)
             if self.is_blind:
@@ -50,6 +50,6 @@ class Motion:
                 self._feed.send(replace(self._twin.tracker.pose(), t_s=now_s))
 
     def close(self) -> None:
-        """Let go of robot and feed."""
+        """Close the twin and the feed."""
         self._twin.close()
         self._feed.close()

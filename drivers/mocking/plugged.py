@@ -19,7 +19,7 @@ _TICK_S = 0.002
 
 
 def be_prompt() -> None:
-    """Give this process precedence, where that is allowed: a device shares its processor with nobody."""
+    """Give this process real-time priority where that is allowed: a real device has a processor of its own."""
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
 
@@ -34,7 +34,7 @@ class PluggedDevice:
         faults: what goes wrong.
 
     Raises:
-        ValueError: a fault is of a motor that the device has not.
+        ValueError: a fault names a motor that the device does not have.
     """
 
     def __init__(self, device: Device, port: Port, motion: Motion | None = None, faults: Sequence[Fault] = ()) -> None:
@@ -42,14 +42,14 @@ class PluggedDevice:
         self._port = port
         self._motion = motion
         self._schedule = Schedule(time.monotonic())
-        self._befallen: list[tuple[Fault, int]] = []
+        self._reply_faults: list[tuple[Fault, int]] = []
         self._outbox: list[tuple[float, int, bytes]] = []
         self._replies = 0
         self._order = itertools.count()
         self._has_power = True
         self._dice = random.Random(0)
         for fault in faults:
-            self.befall(fault)
+            self.inject(fault)
 
     @property
     def applied_hz(self) -> tuple[float, ...]:
@@ -67,14 +67,14 @@ class PluggedDevice:
         """The faults that the device has now."""
         return self._device.faults if self._has_power else ("no power",)
 
-    def befall(self, fault: Fault) -> None:
-        """Add a fault to the script. Raises ValueError for a motor that the device has not."""
+    def inject(self, fault: Fault) -> None:
+        """Add a fault to the script. Raises ValueError for a motor that the device does not have."""
         if fault.motor > len(self.applied_hz):
             raise ValueError(f"motor is {fault.motor}; allowed: 1 to {len(self.applied_hz)}")
         self._schedule.add(fault)
 
     def step(self, now_s: float) -> bool:
-        """Do what is due at ``now_s``, as ``time.monotonic()`` counts; returns whether anything was received."""
+        """Do what is due at ``now_s``, as ``time.monotonic()`` counts; return whether anything was received."""
         self._change_faults(now_s)
         data = self._port.receive(now_s)
         if data:
@@ -88,7 +88,7 @@ class PluggedDevice:
         return bool(data)
 
     def run(self, is_over: Callable[[float], bool]) -> None:
-        """Go on in real time until ``is_over(now_s)``."""
+        """Run in real time until ``is_over(now_s)``."""
         be_prompt()
         while not is_over(now_s := time.monotonic()):
             self.step(now_s)
@@ -99,7 +99,7 @@ class PluggedDevice:
         self._port.wait(time.monotonic() + _TICK_S)
 
     def close(self) -> None:
-        """Unplug, and leave nothing behind."""
+        """Unplug, and remove the port."""
         self._port.close()
         if self._motion is not None:
             self._motion.close()
@@ -112,7 +112,7 @@ class PluggedDevice:
 
     def _begin(self, fault: Fault, now_s: float) -> None:
         if fault.kind in REPLY_KINDS:
-            self._befallen.append((fault, self._replies + fault.replies))
+            self._reply_faults.append((fault, self._replies + fault.replies))
         elif fault.kind in DEVICE_KINDS:
             self._device.begin_fault(fault, now_s)
         elif fault.kind is Kind.UNPLUG:
@@ -134,11 +134,11 @@ class PluggedDevice:
             self._motion.is_blind = False
 
     def _say(self, message: bytes, now_s: float) -> None:
-        """Put one message of the device into the outbox, with what befalls it."""
+        """Put one message of the device into the outbox, changed by the faults of the moment."""
         if not message:
             return
         copies, at_s = 1, now_s
-        for fault, _ in self._befallen:
+        for fault, _ in self._reply_faults:
             if fault.kind is Kind.DROP:
                 copies = 0
             elif fault.kind is Kind.DUPLICATE:
@@ -148,7 +148,7 @@ class PluggedDevice:
             elif fault.kind is Kind.CORRUPT:
                 message = self._with_wrong_bit(message)
         self._replies += 1
-        self._befallen = [(fault, last) for fault, last in self._befallen if last > self._replies]
+        self._reply_faults = [(fault, last) for fault, last in self._reply_faults if last > self._replies]
         for _ in range(copies):
             heapq.heappush(self._outbox, (at_s, next(self._order), message))
 

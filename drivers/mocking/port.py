@@ -1,4 +1,4 @@
-"""Where a mock device is plugged in: a pseudo-terminal that is as slow as a real line."""
+"""The port of a mock device: a pseudo-terminal as slow as a real line."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Port(Protocol):
         ...
 
     def unplug(self) -> None:
-        """Pull the plug: what is on the line is lost."""
+        """Pull the plug; bytes on the line are lost."""
         ...
 
     def plug(self) -> None:
@@ -108,10 +108,10 @@ class PtyPort:
         self._link.unlink(missing_ok=True)
 
     def plug(self) -> None:
-        """Make a new pseudo-terminal, and let the link lead to it."""
+        """Make a new pseudo-terminal, and point the link to it."""
         if self._ends:
             return
-        # The controller's end stays open here too, so that a controller's leaving is not the end of the terminal.
+        # The controller's end stays open here too, so that the terminal outlives a controller that closes it.
         ours, theirs = self._ends = os.openpty()
         tty.setraw(theirs)
         os.set_blocking(ours, False)
@@ -133,7 +133,7 @@ class PtyPort:
 
     def _carry_out(self, now_s: float) -> None:
         if (data := self._outbound.take(now_s)) and self._ends:
-            with suppress(BlockingIOError):  # nobody reads: the bytes are lost, as on a real line
+            with suppress(BlockingIOError):  # without a reader the bytes are lost, as on a real line
                 os.write(self._ends[0], data)
 
 

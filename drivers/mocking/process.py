@@ -1,4 +1,4 @@
-"""A mock device in a process of its own, for tests and benchmarks."""
+"""A mock device in a process of its own: for tests of drivers, also in other packages, and for benchmarks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import msgspec
 
 from vvvaltr.drivers.mocking.faults import Fault
 
-_PATIENCE_S = 30.0
+_ENDING_S = 30.0
 _PROGRAM = "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())"
 
 
@@ -27,7 +27,7 @@ class Greeting(msgspec.Struct, frozen=True):
 
 
 class Status(msgspec.Struct, frozen=True):
-    """What the device does; the time is as ``time.monotonic()`` counts."""
+    """State of the device; the time is as ``time.monotonic()`` counts."""
 
     t_s: float
     applied_hz: tuple[float, ...]
@@ -66,12 +66,12 @@ class MockProcess:
 
     @property
     def statuses(self) -> list[Status]:
-        """All that the mock has told, the last one last."""
+        """All statuses so far, the newest last."""
         with self._news:
             return list(self._statuses)
 
-    def befall(self, fault: Fault) -> None:
-        """Let something go wrong."""
+    def inject(self, fault: Fault) -> None:
+        """Inject a fault."""
         assert self.process.stdin is not None
         self.process.stdin.write(msgspec.json.encode(fault) + b"\n")
         self.process.stdin.flush()
@@ -93,7 +93,7 @@ class MockProcess:
     def close(self) -> None:
         """End the mock, and wait until it has cleaned up."""
         self.process.terminate()
-        self.process.wait(_PATIENCE_S)
+        self.process.wait(_ENDING_S)
         self._reader.join()
         for pipe in (self.process.stdin, self.process.stdout):
             if pipe is not None:

@@ -1,13 +1,15 @@
-"""The motor node: closed-loop motors behind the framed protocol of docs/node-protocol.md."""
+"""The motor node: closed-loop motors that speak the framed protocol of docs/node-protocol.md."""
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
+from vvvaltr.drivers.links.curve import to_commands
 from vvvaltr.drivers.links.link import Link
 from vvvaltr.drivers.links.remote_clock import RemoteClock
 from vvvaltr.drivers.motor_line import WATCHDOG
@@ -22,19 +24,21 @@ from vvvaltr.drivers.node.protocol import (
     Status,
     Telemetry,
     Welcome,
-    clear,
-    drive,
-    hello,
-    stop,
+    encode_clear,
+    encode_drive,
+    encode_hello,
+    encode_stop,
 )
 from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable
 
+_log = logging.getLogger(__name__)
+
 SEQUENCE = "sequence"  # code of the DeviceFault of a node whose messages are out of order
 _PERIOD_S = 0.02
-_HOLD_S = 0.2  # of one set-point: ten of them lost, and the node stops the motors
-_PATIENCE_S = 1.0  # with a node that does not answer
+_HOLD_S = 0.2  # hold of one set-point: the node stops the motors after ten lost ones
+_GREETING_S = 1.0  # time for a node to answer the greeting
 _ANSWER_S = 0.1
-_UNTAKEN = 20  # commands that the node may be behind
+_MAX_BEHIND = 20  # commands sent that the node has not received yet
 
 _Answer = TypeVar("_Answer")
 
@@ -50,7 +54,7 @@ def open_node(link: Link, motors: Sequence[NodeMotorTable]) -> NodeLine:
     """Return the motors of the node on ``link``: greeted, at rest, without faults, telemetry coming in.
 
     Raises:
-        DeviceTimeout: nothing answers like a node.
+        DeviceTimeout: no node answers.
         DeviceFault: the node is not what the robot's file says: it has another number of motors, or slower ones.
         DeviceFault: the node speaks another version of the protocol, or has a fault that cannot be cleared.
         LinkLost: the line is gone.
@@ -80,8 +84,8 @@ def _check_motors(name: str, welcome: Welcome, motors: Sequence[NodeMotorTable])
 
 def _greet(link: Link, motors: Sequence[NodeMotorTable]) -> NodeLine:
     decoder = Decoder()
-    link.write(b"\0")  # ends whatever noise the node may have taken for a beginning
-    welcome = _ask(link, decoder, hello(0), lambda message: message if isinstance(message, Welcome) else None)
+    link.write(b"\0")  # ends a frame that noise may have begun
+    welcome = _ask(link, decoder, encode_hello(0), lambda message: message if isinstance(message, Welcome) else None)
     if welcome.protocol != PROTOCOL:
         raise DeviceFault(
             "protocol",
@@ -91,7 +95,7 @@ def _greet(link: Link, motors: Sequence[NodeMotorTable]) -> NodeLine:
     telemetry = _ask(
         link,
         decoder,
-        clear(1),
+        encode_clear(1),
         lambda message: message if isinstance(message, Telemetry) and message.command == 1 else None,
     )
     _raise_faults(link.name, telemetry)
@@ -100,7 +104,7 @@ def _greet(link: Link, motors: Sequence[NodeMotorTable]) -> NodeLine:
 
 def _ask(link: Link, decoder: Decoder, command: bytes, answer: Callable[[Message], _Answer | None]) -> _Answer:
     """Send ``command`` again and again until a message is its ``answer``."""
-    deadline_s = time.monotonic() + _PATIENCE_S
+    deadline_s = time.monotonic() + _GREETING_S
     while time.monotonic() < deadline_s:
         link.write(command)
         again_s = time.monotonic() + _ANSWER_S
@@ -167,11 +171,11 @@ class NodeLine:
 
     @property
     def telemetry(self) -> Telemetry:
-        """What the node told last."""
+        """The latest telemetry."""
         return self._heard[1]
 
     def check(self, gait: Gait) -> None:
-        """Raise ValueError if the node cannot apply the frequencies of ``gait``."""
+        """Raise ValueError for a frequency beyond a calibration curve or the node's firmware."""
         for motor, command_hz in enumerate(self._commands_hz(gait), start=1):
             if abs(command_hz) > self.welcome.max_hz + 1e-9:
                 raise ValueError(
@@ -181,16 +185,16 @@ class NodeLine:
 
     def send(self, gait: Gait) -> None:
         """Send the set-point of all motors."""
-        self._link.write(drive(self._next(), self._commands_hz(gait), _HOLD_S))
+        self._link.write(encode_drive(self._next(), self._commands_hz(gait), _HOLD_S))
 
     repeat = send
 
     def rest(self) -> None:
-        """Send a stop."""
-        self._link.write(stop(self._next()))
+        """Send the stop command."""
+        self._link.write(encode_stop(self._next()))
 
     def listen(self, until_s: float) -> None:
-        """Take in what the node says. Raises as ``MotorLine.listen`` does."""
+        """Receive telemetry and acknowledgements. Raises as ``MotorLine.listen`` does."""
         while (left_s := until_s - time.monotonic()) > 0.0:
             for message in self._decoder.feed(self._link.read(4096, left_s)):
                 if isinstance(message, Telemetry):
@@ -211,11 +215,11 @@ class NodeLine:
         )
 
     def close(self) -> None:
-        """Let go of the line."""
+        """Release the line."""
         self._link.close()
 
     def _commands_hz(self, gait: Gait) -> tuple[float, ...]:
-        return tuple(curve.command(hz) for curve, hz in zip(self._curves, gait.frequency_hz, strict=True))
+        return to_commands(self._curves, gait.frequency_hz, self.name)
 
     def _next(self) -> int:
         self._sequence = (self._sequence + 1) % SEQUENCES
@@ -223,29 +227,31 @@ class NodeLine:
 
     def _take_telemetry(self, telemetry: Telemetry) -> None:
         if telemetry.boot_id != self.welcome.boot_id or len(telemetry.motors) != self.motor_count:
-            raise LinkLost(f"{self.name}: the node has rebooted")
+            raise LinkLost(f"{self.name}: the node has rebooted; check its supply")
         last = self.telemetry.sequence
         ahead = (telemetry.sequence - last) % SEQUENCES
         if ahead == 0:
-            self.repeated += 1  # no harm, and no news
+            self.repeated += 1  # harmless, and nothing new
             return
         if ahead >= SEQUENCES // 2:
             raise DeviceFault(SEQUENCE, f"{self.name}: telemetry {telemetry.sequence} came after {last}")
-        self.missed += ahead - 1
+        if ahead > 1:
+            self.missed += ahead - 1
+            _log.debug("%s: %d telemetry messages lost before number %d", self.name, ahead - 1, telemetry.sequence)
         self._uptime_s += (telemetry.device_ms - self.telemetry.device_ms) % DEVICE_CLOCK_MS / 1000.0
         self._heard = (self._clock.here_s(self._uptime_s, time.monotonic()), telemetry)
         _raise_faults(self.name, telemetry)
         behind = (self._sequence - telemetry.command) % SEQUENCES
-        if behind > _UNTAKEN:
-            raise DeviceTimeout(f"{self.name}: the node does not hear the last {behind} commands")
+        if behind > _MAX_BEHIND:
+            raise DeviceTimeout(f"{self.name}: the node has not received the last {behind} commands; check the wiring")
         if telemetry.expiries:
-            raise DeviceFault(WATCHDOG, f"{self.name}: the node stopped the motors, for no command reached it in time")
+            raise DeviceFault(WATCHDOG, f"{self.name}: the node's watchdog stopped the motors: no command came in time")
 
     def _take_ack(self, ack: Ack) -> None:
         behind = (self._sequence - ack.sequence) % SEQUENCES
         if behind >= SEQUENCES // 2 or ack.status is Status.OUT_OF_ORDER:
             raise DeviceFault(SEQUENCE, f"{self.name}: command {ack.sequence} is out of order after {self._sequence}")
         if ack.status is Status.NOT_GREETED:
-            raise LinkLost(f"{self.name}: the node has rebooted")
+            raise LinkLost(f"{self.name}: the node has rebooted; check its supply")
         if ack.status in (Status.BAD_VALUE, Status.UNKNOWN_COMMAND):
             raise DeviceFault("refused", f"{self.name}: the node refuses command {ack.sequence}: {ack.status.name}")

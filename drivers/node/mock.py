@@ -1,4 +1,4 @@
-"""A motor node: its firmware, on a board that exists only as numbers."""
+"""A mock motor node: the real firmware on a simulated board."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class NodeDevice:
 
     @property
     def applied_hz(self) -> tuple[float, ...]:
-        """The frequencies that the outputs amount to."""
+        """The frequencies that the outputs give in steady state."""
         return tuple(motor.applied_hz for motor in self._board.motors)
 
     @property
@@ -56,12 +56,12 @@ class NodeDevice:
 
     @property
     def watchdog(self) -> bool:
-        """Whether hold or watchdog has stopped the motors, and no command came since."""
+        """Whether hold or watchdog has stopped the motors and no command has come since."""
         return bool(self._node.is_expired)
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """The faults that wait to be cleared."""
+        """The faults that have not been cleared."""
         faults = [_FAULTS[self._node.fault]] if self._node.fault else []
         faults += [
             f"motor {number} {_FAULTS[fault]}" for number, fault in enumerate(self._node.motor_faults, start=1) if fault
@@ -69,30 +69,30 @@ class NodeDevice:
         return tuple(faults)
 
     def on_bytes(self, data: bytes, now_s: float) -> bytes:
-        """Take in bytes; returns the answers."""
+        """Receive bytes; return the answers."""
         return bytes(self._node.on_bytes(data, _ticks(now_s) // 1000))
 
     def tick(self, now_s: float) -> bytes:
-        """Let time pass; returns telemetry when it is due."""
+        """Let time pass; return telemetry when it is due."""
         now_us = _ticks(now_s)
         self._board.step(now_us)
         telemetry = bytes(self._node.tick(now_us // 1000, now_us))
         return b"" if self._is_silent else telemetry
 
     def begin_fault(self, fault: Fault, now_s: float) -> None:
-        """Jam a motor, overheat one, or say nothing unasked."""
-        self._suffer(fault, begins=True)
+        """Jam a motor, overheat one, or send no telemetry."""
+        self._apply(fault, begins=True)
 
     def end_fault(self, fault: Fault, now_s: float) -> None:
-        """Be rid of the cause."""
-        self._suffer(fault, begins=False)
+        """End the cause of a fault."""
+        self._apply(fault, begins=False)
 
     def reboot(self, now_s: float) -> None:
-        """Start afresh."""
+        """Reboot."""
         self._is_silent = False
         self._node = core.Node(self._board, self._settings, self._new_boot_id(), _ticks(now_s) // 1000)
 
-    def _suffer(self, fault: Fault, begins: bool) -> None:
+    def _apply(self, fault: Fault, begins: bool) -> None:
         motor = self._board.motors[fault.motor - 1]
         match fault.kind:
             case Kind.STALL:

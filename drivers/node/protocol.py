@@ -1,4 +1,4 @@
-"""What host and motor node say to each other: docs/node-protocol.md, seen from the host.
+"""The protocol between host and motor node, docs/node-protocol.md, from the host's side.
 
 Payloads are packed little-endian; a frame is COBS(payload, CRC-16) and the end mark 0.
 """
@@ -6,12 +6,15 @@ Payloads are packed little-endian; a frame is COBS(payload, CRC-16) and the end 
 from __future__ import annotations
 
 import binascii
+import logging
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 
 from cobs import cobs
+
+_log = logging.getLogger(__name__)
 
 PROTOCOL = 1
 SEQUENCES = 1 << 16
@@ -27,7 +30,7 @@ _MOTOR = struct.Struct("<iihhhB")
 
 
 class Kind(IntEnum):
-    """The first byte of a payload: commands of the host, and (from 0x81) what the node says."""
+    """The first byte of a payload: commands of the host, and (from 0x81) messages of the node."""
 
     HELLO = 0x01
     DRIVE = 0x02
@@ -39,7 +42,7 @@ class Kind(IntEnum):
 
 
 class Status(IntEnum):
-    """How the node took a command."""
+    """Result of a command at the node."""
 
     OK = 0
     NOT_GREETED = 1
@@ -51,7 +54,7 @@ class Status(IntEnum):
 
 
 class Fault(IntEnum):
-    """What has made the node stop its motors; it stays until cleared."""
+    """Fault that made the node stop its motors; it stays until cleared."""
 
     NONE = 0
     STALL = 1
@@ -114,7 +117,7 @@ class MotorReport:
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What the node tells of itself at a fixed rate.
+    """State of the node, sent at a fixed rate.
 
     Args:
         sequence: counts the telemetry since the boot.
@@ -158,31 +161,31 @@ def decode_frame(frame: bytes) -> bytes:
     try:
         content = bytes(cobs.decode(frame))
     except cobs.DecodeError as error:
-        raise ValueError(f"no COBS: {error}") from error
+        raise ValueError(f"not COBS: {error}") from error
     payload, crc = content[:-2], content[-2:]
     if not payload or binascii.crc_hqx(payload, 0xFFFF).to_bytes(2, "little") != crc:
         raise ValueError(f"wrong check sum {crc.hex()} of {payload.hex()}")
     return payload
 
 
-def hello(sequence: int) -> bytes:
+def encode_hello(sequence: int) -> bytes:
     """Return the frame that begins a session: motors stop, and commands count from ``sequence`` on."""
     return encode_frame(_COMMAND.pack(Kind.HELLO, sequence) + bytes([PROTOCOL]))
 
 
-def drive(sequence: int, frequency_hz: Sequence[float], hold_s: float) -> bytes:
+def encode_drive(sequence: int, frequency_hz: Sequence[float], hold_s: float) -> bytes:
     """Return the frame with the set-point of all motors, kept in force for ``hold_s`` at most (1 ms to 65 s)."""
     targets = [round(1000.0 * frequency) for frequency in frequency_hz]
     hold_ms = round(1000.0 * hold_s)
     return encode_frame(_DRIVE.pack(Kind.DRIVE, sequence, hold_ms) + struct.pack(f"<{len(targets)}i", *targets))
 
 
-def stop(sequence: int) -> bytes:
+def encode_stop(sequence: int) -> bytes:
     """Return the frame that stops all motors; the node obeys it whatever its sequence number."""
     return encode_frame(_COMMAND.pack(Kind.STOP, sequence))
 
 
-def clear(sequence: int) -> bytes:
+def encode_clear(sequence: int) -> bytes:
     """Return the frame that clears faults, as far as their causes are gone."""
     return encode_frame(_COMMAND.pack(Kind.CLEAR, sequence))
 
@@ -192,18 +195,18 @@ def decode(payload: bytes) -> Message:
     try:
         match payload[0]:
             case Kind.WELCOME:
-                return _welcome(payload)
+                return _decode_welcome(payload)
             case Kind.ACK:
-                return _ack(payload)
+                return _decode_ack(payload)
             case Kind.TELEMETRY:
-                return _telemetry(payload)
+                return _decode_telemetry(payload)
     except struct.error as error:
         raise ValueError(f"{payload.hex()} is cut short: {error}") from error
-    raise ValueError(f"{payload.hex()} is no message of a node")
+    raise ValueError(f"{payload.hex()} is not a message of a node")
 
 
 class Decoder:
-    """Finds messages in a stream of bytes. ``bad_frames`` counts what was thrown away."""
+    """Finds messages in a stream of bytes. ``bad_frames`` counts the garbled frames, which are discarded and logged."""
 
     def __init__(self) -> None:
         self.bad_frames = 0
@@ -212,18 +215,19 @@ class Decoder:
     def feed(self, data: bytes) -> list[Message]:
         """Return the messages that ``data`` completes."""
         *frames, self._rest = (self._rest + data).split(b"\0")
-        # An endless frame is noise; one byte more than the longest is enough to know it by.
+        # An endless frame is noise: one byte more than the longest frame suffices to recognise it.
         self._rest = self._rest[: _LONGEST_FRAME + 1]
         messages = []
         for frame in filter(None, frames):
             try:
                 messages.append(decode(decode_frame(frame)))
-            except ValueError:
+            except ValueError as error:
                 self.bad_frames += 1
+                _log.debug("garbled frame discarded: %s", error)
         return messages
 
 
-def _welcome(payload: bytes) -> Welcome:
+def _decode_welcome(payload: bytes) -> Welcome:
     _, sequence, protocol, *rest = _WELCOME.unpack(payload)
     major, minor, patch, motors, sensors, watchdog_ms, telemetry_ms, max_mhz, ramp_mhz_s, boot_id, uptime_ms = rest
     return Welcome(
@@ -241,12 +245,12 @@ def _welcome(payload: bytes) -> Welcome:
     )
 
 
-def _ack(payload: bytes) -> Ack:
+def _decode_ack(payload: bytes) -> Ack:
     _, sequence, command, status = _ACK.unpack(payload)
     return Ack(sequence, command, Status(status))
 
 
-def _telemetry(payload: bytes) -> Telemetry:
+def _decode_telemetry(payload: bytes) -> Telemetry:
     _, sequence, device_ms, boot_id, command, lost, expiries, bad, flags, fault, temperature_dc, *acceleration_mg = (
         _TELEMETRY.unpack_from(payload)
     )
@@ -264,11 +268,11 @@ def _telemetry(payload: bytes) -> Telemetry:
         Fault(fault),
         _measured(temperature_dc, 10.0),
         (x, y, z) if known else None,
-        tuple(map(_motor, _MOTOR.iter_unpack(payload[_TELEMETRY.size :]))),
+        tuple(map(_decode_motor, _MOTOR.iter_unpack(payload[_TELEMETRY.size :]))),
     )
 
 
-def _motor(fields: tuple[int, ...]) -> MotorReport:
+def _decode_motor(fields: tuple[int, ...]) -> MotorReport:
     measured_mhz, ramped_mhz, output, current_ma, temperature_dc, fault = fields
     return MotorReport(
         measured_mhz / 1000.0,

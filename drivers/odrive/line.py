@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 from vvvaltr.drivers.links.can import CanLink, Frame
-from vvvaltr.drivers.links.curve import Curve, Uncorrected
-from vvvaltr.drivers.motor_line import WATCHDOG
+from vvvaltr.drivers.links.curve import to_commands
+from vvvaltr.drivers.motor_line import WATCHDOG, arm_or_close
 from vvvaltr.drivers.odrive.protocol import (
     ERRORS,
     PASS_THROUGH,
@@ -28,8 +28,8 @@ from vvvaltr.drivers.odrive.protocol import (
 )
 from vvvaltr.drivers.odrive.table import OdriveLineTable, OdriveMotorTable
 
-_GREETING_S = 1.0  # for all axes to be heard of, and to settle
-_SETTLE_S = 0.35  # three heartbeats: by then an axis has done as it was told, and said so
+_GREETING_S = 1.0  # time for all axes to send and to settle
+_SETTLE_S = 0.35  # three heartbeats: by then an axis has obeyed and reported it
 _TELL_AGAIN_S = 0.2
 _CURRENT_PERIOD_S = 0.1
 
@@ -39,7 +39,6 @@ class _Axis:
     """What is known of an axis. Times as ``time.monotonic()`` counts."""
 
     motor: OdriveMotorTable
-    curve: Curve | Uncorrected
     heartbeat_s: float = -math.inf
     estimate_s: float = -math.inf
     error: int = 0
@@ -56,26 +55,21 @@ def open_line(table: OdriveLineTable) -> OdriveLine:
         DeviceTimeout: an axis sends nothing.
         DeviceFault: an axis keeps an error.
     """
-    line = OdriveLine(CanLink(table.interface, table.channel, table.bitrate, table.options), table)
-    try:
-        line.arm()
-    except BaseException:
-        line.close()
-        raise
-    return line
+    return arm_or_close(OdriveLine(CanLink(table.interface, table.channel, table.bitrate, table.options), table))
 
 
 class OdriveLine:
     """The axes on one bus: a ``MotorLine``."""
 
     period_s = 0.02
-    # Its value is in the drive's configuration; this is the longest that is safe, and `check` holds the drive to it.
+    # The value is in the drive's configuration; this is the longest safe one, and `check` tests the drive against it.
     watchdog_s = 0.3
 
     def __init__(self, link: CanLink, table: OdriveLineTable) -> None:
         self._link = link
         self._errors = ERRORS[table.firmware]
-        self._axes = {motor.node: _Axis(motor, motor.calibration) for motor in table.motor}
+        self._axes = {motor.node: _Axis(motor) for motor in table.motor}
+        self._curves = tuple(motor.calibration for motor in table.motor)
         self._armed_s: float | None = None
         self._rested_s = time.monotonic()
         self._told_idle_s = self._asked_current_s = -math.inf
@@ -97,33 +91,30 @@ class OdriveLine:
 
     @property
     def heard_s(self) -> float:
-        """When the most silent axis last sent its heartbeat or its estimates, whichever is the older."""
+        """Time of the oldest of all axes' latest heartbeats and estimates."""
         return min(min(axis.heartbeat_s, axis.estimate_s) for axis in self._axes.values())
 
     def check(self, gait: Gait) -> None:
-        """Raise ValueError for a frequency that an axis' calibration curve does not reach."""
-        for axis, frequency_hz in zip(self._axes.values(), gait.frequency_hz, strict=True):
-            try:
-                axis.curve.command(frequency_hz)
-            except ValueError as error:
-                raise ValueError(f"{self.name}, axis {axis.motor.node}: {error}") from None
+        """Raise ValueError for a frequency that a calibration curve does not reach."""
+        to_commands(self._curves, gait.frequency_hz, self.name)
 
     def send(self, gait: Gait) -> None:
         """Send all velocities, and arm the axes if they are idle."""
         now_s = time.monotonic()
         if self._armed_s is None:
-            # Before it is told: the other thread may hear of an armed axis while this one is still telling the rest.
+            # Noted before it is sent: the other thread may hear of an armed axis while this one still arms the others.
             self._armed_s = now_s
             self._tell(Message.SET_STATE, AxisState.CLOSED_LOOP)
-        for axis, frequency_hz in zip(self._axes.values(), gait.frequency_hz, strict=True):
-            self._link.send(encode(axis.motor.node, Message.SET_VELOCITY, axis.curve.command(frequency_hz), 0.0))
+        commands_hz = to_commands(self._curves, gait.frequency_hz, self.name)
+        for node, command_hz in zip(self._axes, commands_hz, strict=True):
+            self._link.send(encode(node, Message.SET_VELOCITY, command_hz, 0.0))
 
     def repeat(self, gait: Gait) -> None:
         """Send all velocities again."""
         self.send(gait)
 
     def rest(self) -> None:
-        """Send velocity 0, which also feeds the watchdogs, and tell the axes to be idle."""
+        """Send velocity 0, which also feeds the watchdogs, and request idle."""
         now_s = time.monotonic()
         self._tell(Message.SET_VELOCITY, 0.0, 0.0)
         if self._armed_s is not None:
@@ -137,7 +128,7 @@ class OdriveLine:
         self._tell(Message.ESTOP)
 
     def listen(self, until_s: float) -> None:
-        """Take in heartbeats and estimates. Raises DeviceFault for an axis that has failed or does not obey."""
+        """Receive heartbeats and estimates. Raises DeviceFault for an axis that has failed or does not obey."""
         now_s = time.monotonic()
         if now_s - self._asked_current_s > _CURRENT_PERIOD_S:
             self._asked_current_s = now_s
@@ -159,12 +150,14 @@ class OdriveLine:
         )
 
     def close(self) -> None:
-        """Let go of the bus."""
+        """Release the bus."""
         self._link.close()
 
     def arm(self) -> None:
         """Find all axes and make them ready. Raises as ``open_line`` does."""
-        self._wait(lambda axis: axis.heartbeat_s > 0.0, "no heartbeat comes from", "check power, wiring, node and rate")
+        self._wait(
+            lambda axis: axis.heartbeat_s > 0.0, "no heartbeat from", "check power, wiring, node number and bitrate"
+        )
         self._tell(Message.SET_STATE, AxisState.IDLE)
         self._tell(Message.SET_MODES, VELOCITY_CONTROL, PASS_THROUGH)
         for motor in (axis.motor for axis in self._axes.values()):
@@ -173,10 +166,10 @@ class OdriveLine:
         begun_s = time.monotonic()
         self._wait(
             lambda axis: axis.heartbeat_s > begun_s and axis.state == AxisState.IDLE and not axis.error,
-            "no readiness is reported by",
-            "see its errors with the maker's tool",
+            "not ready:",
+            "read its errors with the maker's tool",
         )
-        self._wait(lambda axis: axis.estimate_s > 0.0, "no estimates come from", "switch on its cyclic messages")
+        self._wait(lambda axis: axis.estimate_s > 0.0, "no encoder estimates from", "switch on its cyclic messages")
 
     def _wait(self, is_so: Callable[[_Axis], bool], complaint: str, cure: str) -> None:
         deadline_s = time.monotonic() + _GREETING_S
@@ -186,7 +179,7 @@ class OdriveLine:
                 if axis.error:
                     raise self._fault(axis)
                 raise DeviceTimeout(f"{self.name}: {complaint} axis {axis.motor.node}; {cure}")
-            # The axes' watchdogs may be running, and have run out already.
+            # The axes' watchdogs may be running, or have expired already.
             self._tell(Message.SET_VELOCITY, 0.0, 0.0)
             self._tell(Message.CLEAR_ERRORS, 0)
             for frame in self._link.frames(time.monotonic() + self.period_s):
@@ -202,7 +195,10 @@ class OdriveLine:
         node, message, values = decoded
         axis, now_s = self._axes[node], time.monotonic()
         if not all(map(math.isfinite, values)):
-            raise DeviceFault("garbled", f"{self.name}: axis {node} sends {message.name.lower()} of {values}")
+            raise DeviceFault(
+                "garbled",
+                f"{self.name}: axis {node} sends {message.name.lower()} {values}; check the wiring for noise",
+            )
         if message is Message.HEARTBEAT:
             axis.heartbeat_s, (axis.error, axis.state) = now_s, map(int, values)
         elif message is Message.ENCODER_ESTIMATES:
@@ -211,18 +207,19 @@ class OdriveLine:
             axis.current_a = values[1]
 
     def _judge(self, axis: _Axis) -> None:
+        where = f"{self.name}: axis {axis.motor.node}"
         if axis.error:
             raise self._fault(axis)
         if self._armed_s is None:
             if axis.state == AxisState.CLOSED_LOOP and axis.heartbeat_s > self._rested_s + _SETTLE_S:
                 self.estop()
-                raise DeviceFault("disobedient", f"{self.name}: axis {axis.motor.node} stayed armed; emergency stop")
+                raise DeviceFault("disobedient", f"{where} stayed armed after a stop; emergency stop sent")
         elif axis.state != AxisState.CLOSED_LOOP and axis.heartbeat_s > self._armed_s + _SETTLE_S:
-            raise DeviceFault("disarmed", f"{self.name}: axis {axis.motor.node} is not armed (state {axis.state})")
+            raise DeviceFault("disarmed", f"{where} has disarmed by itself; read its errors with the maker's tool")
 
     def _fault(self, axis: _Axis) -> DeviceFault:
         names = [name for bit, name in self._errors.items() if axis.error & bit] or ["an unknown error"]
         code = WATCHDOG if WATCHDOG in names else names[0]
         return DeviceFault(
-            code, f"{self.name}: axis {axis.motor.node} reports {', '.join(names)} ({axis.error:#x}); find its cause"
+            code, f"{self.name}: axis {axis.motor.node} reports {', '.join(names)} ({axis.error:#x}); remove the cause"
         )

@@ -53,7 +53,7 @@ class OdriveAxis:
 
     @property
     def current_a(self) -> float:
-        """What the motor draws."""
+        """The motor's current."""
         if self.is_stalled and self.state == AxisState.CLOSED_LOOP and self.wanted_hz:
             return _STALLED_A
         return _IDLE_A + _A_PER_HZ * abs(self.applied_hz) if self.state == AxisState.CLOSED_LOOP else 0.0
@@ -63,12 +63,12 @@ class OdriveAxis:
         return next(bit for bit, known in ERRORS[self.firmware].items() if known == name)
 
     def fail(self, error: int) -> None:
-        """Keep an error, and disarm."""
+        """Set an error, and disarm."""
         self.error |= error
         self.state = AxisState.IDLE
 
     def obey(self, frame: Frame, now_s: float) -> list[Frame]:
-        """Take in one frame for this axis; returns the replies."""
+        """Receive one frame for this axis; return the replies."""
         command = frame.identifier & 0x1F
         if frame.is_remote:
             return [self.frame(Message(command))] if command in _ENCODERS else []
@@ -85,7 +85,7 @@ class OdriveAxis:
         return []
 
     def tick(self, now_s: float) -> None:
-        """Let the watchdog run, as long as the axis is armed."""
+        """Check the watchdog, which runs while the axis is armed."""
         if self.state == AxisState.CLOSED_LOOP and now_s - self.fed_s > WATCHDOG_S:
             self.fail(self.bit(WATCHDOG))
 
@@ -140,11 +140,11 @@ class OdriveDevice:
         return (*errors, *(f"axis {axis.node}: stalled" for axis in self.axes if axis.is_stalled))
 
     def on_frame(self, frame: Frame, now_s: float) -> list[Frame]:
-        """Take in a frame; returns the replies."""
+        """Receive a frame; return the replies."""
         return [reply for axis in self.axes if axis.node == frame.identifier >> 5 for reply in axis.obey(frame, now_s)]
 
     def tick(self, now_s: float) -> list[Frame]:
-        """Let time pass; returns heartbeats and estimates that are due."""
+        """Let time pass; return heartbeats and estimates that are due."""
         elapsed_s = now_s - self._ticked_s if math.isfinite(self._ticked_s) else 0.0
         self._ticked_s = now_s
         said = []
@@ -160,7 +160,7 @@ class OdriveDevice:
         return [] if self._is_silent else said
 
     def begin_fault(self, fault: Fault, now_s: float) -> None:
-        """Suffer a stall, an error (its code is an axis error), or silence."""
+        """Begin a stall, an error (its code is an axis error), or silence."""
         axis = self.axes[(fault.motor - 1) % len(self.axes)]
         if fault.kind is Kind.STALL:
             axis.is_stalled = True
@@ -170,14 +170,14 @@ class OdriveDevice:
             self._is_silent = True
 
     def end_fault(self, fault: Fault, now_s: float) -> None:
-        """Be rid of a stall or of silence."""
+        """End a stall or silence."""
         if fault.kind is Kind.STALL:
             self.axes[(fault.motor - 1) % len(self.axes)].is_stalled = False
         elif fault.kind is Kind.SILENCE:
             self._is_silent = False
 
     def reboot(self, now_s: float) -> None:
-        """Start afresh: idle, with default modes and limits."""
+        """Reboot: idle, with default modes and limits."""
         self.axes = [
             OdriveAxis(axis.node, axis.firmware, is_stalled=axis.is_stalled, fed_s=now_s) for axis in self.axes
         ]
@@ -185,7 +185,7 @@ class OdriveDevice:
 
 def make_mock(link: Path) -> MockLine:
     """Plug in axes behind an slcan adapter under the port ``link``. Raises ValueError for a name that is taken."""
-    # A USB adapter's line is as fast as USB, whatever its baud rate.
+    # The serial line of a USB adapter is as fast as USB, whatever its baud rate.
     port = PtyPort(link, is_paced=False)
     return MockLine(port, SlcanAdapter(OdriveDevice(_MOTORS)), _line_table("slcan", str(link)))
 

@@ -78,7 +78,7 @@ _NEW_ERRORS = {
 }
 
 ERRORS: Mapping[Firmware, Mapping[int, str]] = {Firmware.OLD: _OLD_ERRORS, Firmware.NEW: _NEW_ERRORS}
-"""Names of the axis error's bits that a user may meet."""
+"""Names of the bits of an axis error that a user may meet."""
 
 VELOCITY_CONTROL, PASS_THROUGH = 2, 1
 

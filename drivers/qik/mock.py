@@ -1,4 +1,4 @@
-"""Mock qik 2s9v1 boards on one line: two, with three motors, as the published robot has them.
+"""Mock qik 2s9v1 boards on one line: two boards with three motors, as on the published robot.
 
 They understand the compact and the Pololu protocol from any program, not only from our driver.
 """
@@ -15,7 +15,7 @@ from typing import Literal
 from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.port import PtyPort
-from vvvaltr.drivers.qik.protocol import ERRORS, SET_KEY, START, Command, Parameter, crc7, timeout_s
+from vvvaltr.drivers.qik.protocol import ERRORS, SET_KEY, START, Opcode, Parameter, compute_crc7, watchdog_timeout_s
 from vvvaltr.drivers.qik.table import QikLineTable, QikMotorTable
 from vvvaltr.drivers.registry import MockLine
 
@@ -25,11 +25,11 @@ _STARTS_AT = 20.0
 
 _OVERRUN, _FRAME, _CRC, _FORMAT, _TIMEOUT = ERRORS
 _VALUES = {Parameter.DEVICE_ID: 128, Parameter.PWM: 4, Parameter.SHUT_DOWN: 2, Parameter.TIMEOUT: 128}
-_LENGTHS = {Command.FIRMWARE: 0, Command.ERRORS: 0, Command.GET: 1, Command.SET: 4, Command.COAST: 0}
+_LENGTHS = {Opcode.FIRMWARE: 0, Opcode.ERRORS: 0, Opcode.GET: 1, Opcode.SET: 4, Opcode.COAST: 0}
 _LENGTHS_BY_CODE = {
     **{int(command): length for command, length in _LENGTHS.items()},
-    Command.COAST + 1: 0,
-    **dict.fromkeys(range(Command.SPEED, Command.SPEED + 8), 1),
+    Opcode.COAST + 1: 0,
+    **dict.fromkeys(range(Opcode.SPEED, Opcode.SPEED + 8), 1),
 }
 _SETTING_S = 0.004
 
@@ -55,7 +55,7 @@ class QikBoard:
         self._knows_baud = self.has_fixed_baud
 
     def take(self, byte: int, now_s: float) -> None:
-        """Take in one byte."""
+        """Receive one byte."""
         if not self._knows_baud:
             # The byte that tells the baud rate may begin a packet already; if not, that is no error.
             self._knows_baud = self._is_first = byte == START
@@ -71,8 +71,8 @@ class QikBoard:
         self._finish(now_s)
 
     def tick(self, now_s: float) -> None:
-        """Let the serial timeout run out."""
-        limit_s = timeout_s(self.parameters[Parameter.TIMEOUT])
+        """Check whether the serial timeout has expired."""
+        limit_s = watchdog_timeout_s(self.parameters[Parameter.TIMEOUT])
         if limit_s and not self.has_timed_out and now_s - self._valid_s > limit_s:
             self.has_timed_out = True
             self.fail(_TIMEOUT)
@@ -84,7 +84,7 @@ class QikBoard:
         return [] if self.is_silent else due
 
     def fail(self, error: int) -> None:
-        """Note an error, and stop the motors if so configured."""
+        """Set an error bit, and stop the motors if so configured."""
         self.errors |= error
         if self.parameters[Parameter.SHUT_DOWN]:
             self.speeds = [0, 0]
@@ -94,7 +94,7 @@ class QikBoard:
         return self.speeds[output] / 255.0 * 127.0 if self._is_eight_bit else float(self.speeds[output])
 
     def reboot(self, now_s: float) -> None:
-        """Come back from a loss of power."""
+        """Restart after a loss of power."""
         self.speeds, self.errors, self.has_timed_out = [0, 0], 0, False
         self._knows_baud, self._valid_s = self.has_fixed_baud, now_s
         self._packet.clear()
@@ -105,7 +105,7 @@ class QikBoard:
         return bool(self.parameters[Parameter.PWM] & 1)
 
     def _finish(self, now_s: float) -> None:
-        """Obey the packet if it is complete and for this board."""
+        """Execute the packet if it is complete and addressed to this board."""
         packet = bytes(self._packet)
         head = 3 if packet[:1] == bytes((START,)) else 1
         if len(packet) < head:
@@ -119,23 +119,23 @@ class QikBoard:
                 self.fail(_FORMAT)
         elif len(packet) == head + length + self.has_crc:
             self._packet = bytearray()
-            if is_mine and self.has_crc and crc7(packet[:-1]) != packet[-1]:
+            if is_mine and self.has_crc and compute_crc7(packet[:-1]) != packet[-1]:
                 self.fail(_CRC)
             elif is_mine:
                 self._valid_s, self.has_timed_out = now_s, False
                 self._obey(command, packet[head : head + length], now_s)
 
     def _obey(self, command: int, data: bytes, now_s: float) -> None:
-        if command >= Command.SPEED:
-            self._set_speed(command - Command.SPEED, data[0])
-        elif command >= Command.COAST:
-            self.speeds[command - Command.COAST] = 0
-        elif command == Command.FIRMWARE:
+        if command >= Opcode.SPEED:
+            self._set_speed(command - Opcode.SPEED, data[0])
+        elif command >= Opcode.COAST:
+            self.speeds[command - Opcode.COAST] = 0
+        elif command == Opcode.FIRMWARE:
             self._pending.append((now_s, ord("2")))
-        elif command == Command.ERRORS:
+        elif command == Opcode.ERRORS:
             self._pending.append((now_s, self.errors))
             self.errors = 0
-        elif command == Command.GET:
+        elif command == Opcode.GET:
             self._pending.append((now_s, self._get(data[0])))
         elif (data[2], data[3]) != SET_KEY:
             self.fail(_FORMAT)
@@ -182,25 +182,25 @@ class QikDevice:
         # As they come from the maker: no timeout, shut-down on error; only the device id has been changed.
         self.boards = {board: QikBoard([board, 0, 1, 0], has_crc, has_fixed_baud) for board, _ in motors}
         self._motors = tuple(motors)
-        self._turning = [False] * len(motors)
+        self._rotating = [False] * len(motors)
         self._stalled: set[int] = set()
 
     @property
     def applied_hz(self) -> tuple[float, ...]:
-        """What the motors' curve makes of the output stages."""
+        """The frequencies that the motors' curve gives for the output stages."""
         return tuple(
-            CURVE.frequency_hz(self.boards[board].share(output)) if self._turning[number] else 0.0
+            CURVE.frequency_hz(self.boards[board].share(output)) if self._rotating[number] else 0.0
             for number, (board, output) in enumerate(self._motors)
         )
 
     @property
     def watchdog(self) -> bool:
-        """Whether a board's serial timeout has run out."""
+        """Whether a board's serial timeout has expired."""
         return any(board.has_timed_out for board in self.boards.values())
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Errors that nobody has asked for yet, and stalled motors."""
+        """Errors that have not been read yet, and stalled motors."""
         errors = [
             f"board {number}: {name}"
             for number, board in self.boards.items()
@@ -210,43 +210,43 @@ class QikDevice:
         return (*errors, *(f"motor {number + 1}: stalled" for number in sorted(self._stalled)))
 
     def on_bytes(self, data: bytes, now_s: float) -> bytes:
-        """Let all boards hear ``data``; returns their replies."""
+        """Pass ``data`` to all boards; return their replies."""
         said = b""
         for byte in data:
             for board in self.boards.values():
                 board.take(byte, now_s)
-            self._turn()
+            self._update_rotation()
             said += self._replies(now_s)
         return said
 
     def tick(self, now_s: float) -> bytes:
-        """Let time pass; returns replies that took a while."""
+        """Let time pass; return delayed replies."""
         for board in self.boards.values():
             board.tick(now_s)
-        self._turn()
+        self._update_rotation()
         return self._replies(now_s)
 
     def begin_fault(self, fault: Fault, now_s: float) -> None:
-        """Suffer a stall, an error (its code is a bit of the error byte), or silence."""
+        """Begin a stall, an error (its code is a bit of the error byte), or silence."""
         number = (fault.motor - 1) % len(self._motors)
         if fault.kind is Kind.STALL:
             self._stalled.add(number)
         elif fault.kind is Kind.ERROR:
             self.boards[self._motors[number][0]].fail(_FRAME if fault.code is None else fault.code & 0xF8)
         self._set_silence(fault, is_silent=True)
-        self._turn()
+        self._update_rotation()
 
     def end_fault(self, fault: Fault, now_s: float) -> None:
-        """Be rid of a stall or of silence."""
+        """End a stall or silence."""
         if fault.kind is Kind.STALL:
             self._stalled.discard((fault.motor - 1) % len(self._motors))
         self._set_silence(fault, is_silent=False)
 
     def reboot(self, now_s: float) -> None:
-        """Start afresh; the parameters are in permanent memory."""
+        """Reboot; the parameters are in permanent memory."""
         for board in self.boards.values():
             board.reboot(now_s)
-        self._turn()
+        self._update_rotation()
 
     def _set_silence(self, fault: Fault, is_silent: bool) -> None:
         if fault.kind is Kind.SILENCE:
@@ -258,12 +258,12 @@ class QikDevice:
         replies = [reply for board in self.boards.values() if (reply := board.replies(now_s))]
         return bytes(reduce(and_, column) for column in zip(*replies, strict=False)) if replies else b""
 
-    def _turn(self) -> None:
-        """Start and stop the motors, whose friction at rest is the greater."""
+    def _update_rotation(self) -> None:
+        """Start and stop the motors; friction is greater at rest than in motion."""
         for number, (board, output) in enumerate(self._motors):
             speed = abs(self.boards[board].share(output))
-            least = CURVE.points[0][0] if self._turning[number] else _STARTS_AT
-            self._turning[number] = speed >= least and number not in self._stalled
+            least = CURVE.points[0][0] if self._rotating[number] else _STARTS_AT
+            self._rotating[number] = speed >= least and number not in self._stalled
 
 
 def make_mock(link: Path) -> MockLine:

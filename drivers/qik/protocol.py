@@ -1,4 +1,4 @@
-"""The qik's bytes and what they can carry: packets of the Pololu protocol, parameters, what a line has time for.
+"""The qik's protocol: packets, parameters, errors, and how many motors a line has capacity for.
 
 As in the controller's user's guide.
 """
@@ -18,10 +18,10 @@ LONGEST_TIMEOUT_S = 1.0
 GREATEST_BAUD = 38400
 ASK_PERIOD_S = 0.02
 TELL_PERIOD_S = 0.02  # between two set-points of one motor
-_ROOM = 1.2  # for what is not evenly spread over time
+_MARGIN = 1.2  # for bytes that are not evenly spread over time
 
 
-class Command(IntEnum):
+class Opcode(IntEnum):
     """Commands as in the compact protocol; without the top bit in the Pololu protocol."""
 
     FIRMWARE = 0x81
@@ -41,7 +41,7 @@ class Parameter(IntEnum):
     TIMEOUT = 3
 
 
-def crc7(data: bytes) -> int:
+def compute_crc7(data: bytes) -> int:
     """Return the CRC-7 of a packet: polynomial 0x91, least significant bit first."""
     crc = 0
     for byte in data:
@@ -51,24 +51,24 @@ def crc7(data: bytes) -> int:
     return crc
 
 
-def packet(board: int, command: int, *data: int, has_crc: bool = False) -> bytes:
+def encode_packet(board: int, command: int, *data: int, has_crc: bool = False) -> bytes:
     """Return a packet of the Pololu protocol."""
     body = bytes((START, board, command & 0x7F, *data))
-    return body + bytes((crc7(body),)) if has_crc else body
+    return body + bytes((compute_crc7(body),)) if has_crc else body
 
 
-def timeout_s(value: int) -> float:
+def watchdog_timeout_s(value: int) -> float:
     """Return what a value of the serial timeout parameter means: 0.262 s * (low four bits) * 2^(upper three bits)."""
     return TIMEOUT_UNIT_S * (value & 0x0F) * float(1 << (value >> 4))
 
 
 def check_timeout(value: int) -> None:
     """Raise ValueError for a serial timeout that is off, or above 1 s; its text begins with the key."""
-    # 0 s is no watchdog at all.
-    allowed = [known for known in range(128) if 0.0 < timeout_s(known) <= LONGEST_TIMEOUT_S]
+    # 0 s switches the watchdog off.
+    allowed = [known for known in range(128) if 0.0 < watchdog_timeout_s(known) <= LONGEST_TIMEOUT_S]
     if value not in allowed:
-        times = ", ".join(f"{known} ({timeout_s(known):g} s)" for known in allowed)
-        raise ValueError(f"timeout is {value}, which means {timeout_s(value):g} s; allowed: {times}")
+        times = ", ".join(f"{known} ({watchdog_timeout_s(known):g} s)" for known in allowed)
+        raise ValueError(f"timeout is {value}, which means {watchdog_timeout_s(value):g} s; allowed: {times}")
 
 
 def least_baud(motor_count: int, has_crc: bool) -> int:
@@ -76,9 +76,9 @@ def least_baud(motor_count: int, has_crc: bool) -> int:
 
     A byte is ten bits on the line. On a slower line a stop would wait for the set-points that were sent before it.
     """
-    set_point = len(packet(0, Command.SPEED, 0, has_crc=has_crc))
-    question_and_answer = len(packet(0, Command.ERRORS, has_crc=has_crc)) + 1
-    return round(10.0 * _ROOM * (motor_count * set_point / TELL_PERIOD_S + question_and_answer / ASK_PERIOD_S))
+    set_point = len(encode_packet(0, Opcode.SPEED, 0, has_crc=has_crc))
+    question_and_answer = len(encode_packet(0, Opcode.ERRORS, has_crc=has_crc)) + 1
+    return round(10.0 * _MARGIN * (motor_count * set_point / TELL_PERIOD_S + question_and_answer / ASK_PERIOD_S))
 
 
 def check_baud(baud: int, motor_count: int, has_crc: bool) -> None:
@@ -91,7 +91,7 @@ def check_baud(baud: int, motor_count: int, has_crc: bool) -> None:
 
 
 def check_commands(points: Sequence[tuple[float, float]], eight_bit: bool) -> None:
-    """Raise ValueError for the points of a curve if they have commands that the boards have not."""
+    """Raise ValueError for a curve with commands that the boards do not have."""
     allowed = "up to 255" if eight_bit else "up to 127, or up to 255 with eight_bit = true"
     if (last := max((command for command, _ in points), default=0.0)) > (255 if eight_bit else 127):
         raise ValueError(f"its commands reach {last:g}; allowed: {allowed}")

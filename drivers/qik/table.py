@@ -61,7 +61,7 @@ class QikLineTable(LineTable, frozen=True, kw_only=True, tag="qik"):
             except ValueError as error:
                 raise ValueError(f"motor[{number}].curve: {error}") from None
 
-    def without_curves(self) -> Self:
+    def remove_curves(self) -> Self:
         """Return the line with a curve by which each motor's frequency is its command."""
         straight = ((1.0, 1.0), (self.max_speed, self.max_speed))
         motors = tuple(msgspec.structs.replace(motor, curve=straight, max_hz=self.max_speed) for motor in self.motor)

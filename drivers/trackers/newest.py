@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from dataclasses import replace
@@ -10,6 +11,8 @@ from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.controller.core.values import Pose, Vector
 from vvvaltr.drivers.links.remote_clock import RemoteClock
 from vvvaltr.drivers.trackers.attitude import Angles, Matrix, angles_of, is_rotation
+
+_log = logging.getLogger(__name__)
 
 _FARTHEST_M = 1000.0  # no laboratory is as large
 UNSEEN = "the tracker does not see the robot"
@@ -62,6 +65,7 @@ class NewestPose:
         if frame < self._frame or t_s < self._sent_s:
             if received_s - self._heard_s < self.age_limit_s:
                 return False  # overtaken on its way
+            _log.info("the poses' clock restarted: frame %d follows frame %d", frame, self._frame)
             self.clock = RemoteClock()  # after a silence another sender may begin, at any number and time
         self._frame, self._sent_s, self._heard_s, self._hangs = frame, t_s, received_s, False
         placed_s = self.clock.here_s(t_s, received_s)

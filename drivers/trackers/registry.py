@@ -51,7 +51,7 @@ class PoseFeed(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of everything. Idempotent."""
+        """Release everything. Idempotent."""
         ...
 
 

@@ -31,7 +31,7 @@ def test_a_mock_seen_through_a_tracker_is_learned_with(kind: str, tmp_path: Path
 @pytest.mark.parametrize("kind", ["qtm", "natnet"])
 def test_a_lost_robot_ends_the_trial_which_is_done_again(kind: str, tmp_path: Path) -> None:
     with MockProcess("qik", tmp_path / "port", "--tracker", kind) as mock:
-        mock.befall(Fault(kind=Kind.BLIND, after_motion_s=0.4, duration_s=0.6))
+        mock.inject(Fault(kind=Kind.BLIND, after_motion_s=0.4, duration_s=0.6))
         asked = ["--trials", "1", "--duration", "1", "--no-recording", "--out", str(tmp_path / "run")]
         assert main(["learn", "--robot", mock.greeting.robot_file, *asked]) == 0
 

@@ -137,7 +137,7 @@ def test_a_device_that_has_gone_quiet_is_a_timeout() -> None:
         line.is_silent = True
         time.sleep(0.25)
 
-        with pytest.raises(DeviceTimeout, match=r"said nothing for 0\.\d+ s"):
+        with pytest.raises(DeviceTimeout, match=r"no message from the device for 0\.\d+ s"):
             motors.state()
 
 

@@ -1,4 +1,4 @@
-"""Calibration: which command makes a motor turn how fast. Measured by the device itself, or seen by the tracker."""
+"""Calibration: the frequency of each motor at several commands, measured by the device or by the tracker."""
 
 from __future__ import annotations
 
@@ -14,7 +14,13 @@ import msgspec
 from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.values import Gait
-from vvvaltr.controller.robot.commissioning.vibration import Peak, applied, shaking, strongest, watch
+from vvvaltr.controller.robot.commissioning.vibration import (
+    Peak,
+    find_peak,
+    measure_spectrum,
+    record_poses,
+    record_states,
+)
 from vvvaltr.controller.robot.hardware import HardwareRobot
 from vvvaltr.controller.robot.robot_file import RobotFile, convert_robot_file
 from vvvaltr.drivers.links.curve import Curve
@@ -28,33 +34,33 @@ _OFF_HZ = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """How fast a motor (from 0) turned at a command; NaN where that could not be seen."""
+    """Frequency of a motor (counted from 0) at a command; NaN where it could not be measured."""
 
     motor: int
     command: float
     frequency_hz: float
 
 
-def without_curves(robot: RobotFile) -> RobotFile:
-    """Return the robot with commands in place of frequencies: what is asked of a motor is its command."""
-    return msgspec.structs.replace(robot, line=tuple(line.without_curves() for line in robot.line), search=None)
+def remove_curves(robot: RobotFile) -> RobotFile:
+    """Return the robot without curves, so that a motor's frequency is its command."""
+    return msgspec.structs.replace(robot, line=tuple(line.remove_curves() for line in robot.line), search=None)
 
 
-def readings(
+def measure_motors(
     robot: HardwareRobot,
     greatest: Sequence[float],
     points: int,
     seconds: float,
     ask: Callable[[], float] | None = None,
 ) -> Iterator[Reading]:
-    """Drive each motor alone, from its greatest command down, and yield how fast it turned.
+    """Drive each motor alone, from its greatest command down, and yield its frequency at each.
 
     Args:
         robot: opened without curves.
         greatest: (motors,) the greatest commands.
         points: commands per motor, two or more.
         seconds: how long to look at each.
-        ask: returns the frequency that somebody measured by other means; None to measure it here.
+        ask: returns the frequency that a person measured by other means; None to measure it here.
 
     Raises:
         DeviceError: a device failed.
@@ -62,16 +68,16 @@ def readings(
     """
     slowest = _SLOWEST_MEASURED if robot.motors.state().measured else _SLOWEST_SEEN
     for motor, top in enumerate(greatest):
-        look = _Look(robot, motor, seconds, ask)
+        measurement = _Measurement(robot, motor, seconds, ask)
         for step in range(points):
             command = top * (1.0 - (1.0 - slowest) * step / (points - 1))
             # A board's own speeds are whole numbers, and large; frequencies are neither.
             command = float(round(command)) if top > 100.0 else round(command, 2)
-            yield Reading(motor, command, look.frequency_hz(command))
+            yield Reading(motor, command, measurement.frequency_hz(command))
 
 
-class _Look:
-    """Looks at one motor, and remembers how the robot shakes with it."""
+class _Measurement:
+    """Measures one motor, and remembers the shape in which the robot shakes with it."""
 
     def __init__(self, robot: HardwareRobot, motor: int, seconds: float, ask: Callable[[], float] | None) -> None:
         self._robot = robot
@@ -86,21 +92,21 @@ class _Look:
         commands[self._motor] = command
         gait, motors = Gait(tuple(commands)), self._robot.motors
         if self._ask is not None:
-            applied(motors, gait, _SETTLE_S, self._seconds)
+            record_states(motors, gait, _SETTLE_S, self._seconds)
             return self._ask()
         if motors.state().measured:
-            states = applied(motors, gait, _SETTLE_S, self._seconds / 3.0)
+            states = record_states(motors, gait, _SETTLE_S, self._seconds / 3.0)
             mean_hz = sum(abs(state.frequency_hz[self._motor]) for state in states) / len(states)
             return mean_hz if mean_hz > _OFF_HZ else math.nan
         return self._seen_hz(command, gait)
 
     def _seen_hz(self, command: float, gait: Gait) -> float:
-        seen = shaking(watch(self._robot.motors, self._robot.tracker, gait, _SETTLE_S, self._seconds))
+        seen = measure_spectrum(record_poses(self._robot.motors, self._robot.tracker, gait, _SETTLE_S, self._seconds))
         low_hz, high_hz = 2.0, math.inf
         if self._last is not None:  # slower than before, but not much slower than in proportion
             high_hz = 1.02 * self._last[1]
             low_hz = 0.6 * self._last[1] * command / self._last[0]
-        peak = strongest(seen, low_hz, high_hz, self._shape)
+        peak = find_peak(seen, low_hz, high_hz, self._shape)
         if peak.clarity < (_CLEAR_IN_SHAPE if self._shape else _CLEAR):
             return math.nan
         self._shape = self._shape or peak
@@ -108,13 +114,13 @@ class _Look:
         return peak.frequency_hz
 
 
-def fitted(seen: Sequence[Reading], former: Points) -> Points:
+def fit_curve(seen: Sequence[Reading], former: Points) -> Points:
     """Return the curve of one motor.
 
-    Where a slow motor could not be seen, the former curve is kept, in proportion to what was seen above.
+    Where a slow motor could not be measured, the former curve is kept, scaled to the slowest measurement.
 
     Raises:
-        UserError: the motor was hardly ever seen to turn.
+        UserError: the motor was measured at fewer than two commands.
     """
     points: list[tuple[float, float]] = []
     for reading in sorted(seen, key=lambda reading: -reading.command):
@@ -127,14 +133,14 @@ def fitted(seen: Sequence[Reading], former: Points) -> Points:
         points = [(c, round(hz * share, 3)) for c, hz in former if c < lowest and hz * share > 0.0] + points
     if len(points) < 2:
         raise UserError(
-            f"motor {seen[0].motor + 1} was not seen to turn at two commands or more; check wiring and tracker, or "
-            "measure by other means (--ask)"
+            f"motor {seen[0].motor + 1} could be measured at fewer than two commands; check its wiring and the "
+            "tracker, or measure by other means (--ask)"
         )
     return tuple(points)
 
 
-def with_curves(robot: RobotFile, curves: Sequence[Points]) -> RobotFile:
-    """Return the robot with these curves of its motors, and with limits and search that they allow."""
+def replace_curves(robot: RobotFile, curves: Sequence[Points]) -> RobotFile:
+    """Return the robot with these curves, and with its limits and search reduced to what they reach."""
     fresh, lines = iter(curves), []
     for line in robot.line:
         motors = []
@@ -152,8 +158,8 @@ def with_curves(robot: RobotFile, curves: Sequence[Points]) -> RobotFile:
     return robot
 
 
-def rewritten(text: str, robot: RobotFile) -> str:
-    """Return the file ``text`` with the numbers of ``robot``: comments and order stay where that is possible."""
+def rewrite_robot_file(text: str, robot: RobotFile) -> str:
+    """Return the file ``text`` with the numbers of ``robot``. Comments and order are kept where that is possible."""
     blocks = re.split(r"(?m)^(?=[ \t]*\[+[\w. ]+\]+[ \t]*(?:#.*)?$)", text)
     motors = iter(robot.motors)
     for number, block in enumerate(blocks):

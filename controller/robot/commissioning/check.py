@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, TrackingLost, UserError
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.robot.commissioning.track import look, problems, sight
-from vvvaltr.controller.robot.commissioning.vibration import applied, shaking, strongest, watch
+from vvvaltr.controller.robot.commissioning.vibration import find_peak, measure_spectrum, record_poses, record_states
 from vvvaltr.controller.robot.hardware import JoinedMotors, open_motors
 from vvvaltr.controller.robot.robot_file import RobotFile
 from vvvaltr.drivers.motor_line import WATCHDOG, HeldMotors, MotorLine
@@ -24,7 +24,7 @@ _SETTLE_S, _LOOK_S = 0.6, 1.0
 _TOLERANCE = 0.15
 _CLEAR = 1.6
 _LOOK_AT_REST_S = 2.0
-_TURN_S, _RUN_DOWN_S, _AT_REST_HZ = 0.4, 0.5, 1.0
+_ROTATION_S, _RUN_DOWN_S, _AT_REST_HZ = 0.4, 0.5, 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Finding:
 
 
 def check(robot: RobotFile) -> Iterator[Finding]:
-    """Test everything in turn; the motors will turn. A device that fails ends the tests that need it."""
+    """Test everything, one after the other; the motors rotate. A device that fails ends the tests that need it."""
     opened = True
     for number, line in enumerate(robot.line, start=1):
         finding = _check_link(f"line {number} link", line)
@@ -68,22 +68,26 @@ def _check_link(name: str, line: LineTable) -> Finding:
     try:
         opened = open_line(line)
     except (DeviceError, UserError) as error:
-        return Finding(name, False, str(error), "see above all whether port and power are as in the robot's file")
+        return Finding(
+            name, False, str(error), "check port and power first, then the keys of the line in the robot's file"
+        )
     described = f"{opened.name}: {opened.motor_count} motors answer"
     opened.close()
     return Finding(name, True, described)
 
 
 def _check_watchdog(name: str, line: LineTable) -> Finding:
-    """Let the motors turn, fall silent, and see whether the device stops them by itself."""
+    """Start the motors, fall silent, and observe whether the device stops them by itself."""
     try:
         opened = open_line(line)
     except DeviceError as error:
-        return Finding(name, False, str(error), "make the link reliable first")
+        return Finding(name, False, str(error), "make the link work first")
     try:
         return _watchdog_finding(name, opened, Gait(tuple(0.5 * motor.max_hz for motor in line.motor)))
     except DeviceError as error:
-        return Finding(name, False, str(error), "see what ails the device")
+        return Finding(
+            name, False, str(error), "clear the device's fault, with its maker's tool if need be, and check again"
+        )
     finally:
         with suppress(DeviceError):
             opened.rest()
@@ -92,7 +96,7 @@ def _check_watchdog(name: str, line: LineTable) -> Finding:
 
 def _watchdog_finding(name: str, line: MotorLine, gait: Gait) -> Finding:
     line.send(gait)
-    stopped_early = _hears_watchdog(line, _TURN_S, gait)  # which happens where this computer is held up
+    stopped_early = _hears_watchdog(line, _ROTATION_S, gait)  # as happens where this computer is held up
     time.sleep(line.watchdog_s + 0.1)
     has_stopped = _hears_watchdog(line, _RUN_DOWN_S) or stopped_early
     state = line.state()
@@ -103,13 +107,13 @@ def _watchdog_finding(name: str, line: MotorLine, gait: Gait) -> Finding:
     return Finding(
         name,
         False,
-        f"{line.watchdog_s:g} s after the last command the device has not stopped {motors}",
+        f"{line.watchdog_s:g} s after the last command the device had not stopped {motors}",
         "switch on the watchdog in the device's configuration, for 0.25 s",
     )
 
 
 def _hears_watchdog(line: MotorLine, duration_s: float, gait: Gait | None = None) -> bool:
-    """Listen, and repeat ``gait`` meanwhile; return whether the device said that its watchdog stopped the motors."""
+    """Listen, repeating ``gait``, and return whether the device reported that its watchdog stopped the motors."""
     has_stopped = False
     end_s = time.monotonic() + duration_s
     while (now_s := time.monotonic()) < end_s:
@@ -140,17 +144,17 @@ def _check_motors(robot: RobotFile, tracker: PoseTracker | None) -> Iterator[Fin
                 lines.append(open_motors(line))
                 stack.callback(lines[-1].close)
         except DeviceError as error:
-            yield Finding("motors", False, str(error), "make the link reliable first")
+            yield Finding("motors", False, str(error), "make the link work first")
             return
         motors = JoinedMotors(lines)
         for number, motor in enumerate(robot.motors, start=1):
-            test = _Turning(motors, tracker, number - 1, min(_TEST_SHARE * motor.max_hz, _TEST_HZ))
+            test = _RotationTest(motors, tracker, number - 1, min(_TEST_SHARE * motor.max_hz, _TEST_HZ))
             yield from test.findings(f"motor {number}")
 
 
 @dataclass(frozen=True, slots=True)
-class _Turning:
-    """Turns one motor both ways."""
+class _RotationTest:
+    """Rotates one motor both ways."""
 
     motors: JoinedMotors
     tracker: PoseTracker | None
@@ -161,37 +165,39 @@ class _Turning:
         cure = "check its wiring and supply, and run vvvaltr calibrate"
         try:
             if not self.motors.state().measured:
-                yield from self._seen(name, cure)
+                yield from self._tracked(name, cure)
                 return
             forward_hz, reverse_hz = self._measured_hz(1.0), self._measured_hz(-1.0)
         except (DeviceError, TrackingLost) as error:
             yield Finding(name, False, str(error), cure)
             return
-        detail = f"told {self.frequency_hz:.1f} Hz, turns at {forward_hz:.1f} Hz"
+        detail = f"set to {self.frequency_hz:.1f} Hz, turns at {forward_hz:.1f} Hz"
         passed = self._is_right(abs(forward_hz))
         yield Finding(name, passed, detail, "" if passed else cure)
         detail = f"turns at {forward_hz:+.1f} and {reverse_hz:+.1f} Hz"
         passed = forward_hz > 0.0 > reverse_hz
         yield Finding(f"{name} direction", passed, detail, "" if passed else "swap the motor's or its encoder's wires")
 
-    def _seen(self, name: str, cure: str) -> Iterator[Finding]:
-        """Yield what the tracker makes of a motor that has no sensor."""
+    def _tracked(self, name: str, cure: str) -> Iterator[Finding]:
+        """Yield what the tracker shows of a motor that has no sensor."""
         if self.tracker is None:
-            yield Finding(name, False, "it has no sensor, and no tracker sees it turn", "make the tracker work first")
+            yield Finding(
+                name, False, "it has no sensor, and no working tracker to measure it", "make the tracker work first"
+            )
             return
         for title, sign in ((name, 1.0), (f"{name} direction", -1.0)):
-            poses = watch(self.motors, self.tracker, self._gait(sign), _SETTLE_S, _LOOK_S)
-            peak = strongest(shaking(poses), 0.6 * self.frequency_hz, 1.4 * self.frequency_hz)
+            poses = record_poses(self.motors, self.tracker, self._gait(sign), _SETTLE_S, _LOOK_S)
+            peak = find_peak(measure_spectrum(poses), 0.6 * self.frequency_hz, 1.4 * self.frequency_hz)
             passed = peak.clarity > _CLEAR and self._is_right(peak.frequency_hz)
-            detail = f"told {sign * self.frequency_hz:.1f} Hz, the robot shakes at {peak.frequency_hz:.1f} Hz"
+            detail = f"set to {sign * self.frequency_hz:.1f} Hz, the robot shakes at {peak.frequency_hz:.1f} Hz"
             if peak.clarity <= _CLEAR:
-                detail = f"told {sign * self.frequency_hz:.1f} Hz, the robot does not shake"
+                detail = f"set to {sign * self.frequency_hz:.1f} Hz, the robot does not shake"
             elif sign < 0.0:
-                detail += "; it has no sensor, so look whether it turns the other way"
+                detail += "; without a sensor the direction is unknown: look at the motor"
             yield Finding(title, passed, detail, "" if passed else cure)
 
     def _measured_hz(self, sign: float) -> float:
-        states = applied(self.motors, self._gait(sign), _SETTLE_S, 0.3)
+        states = record_states(self.motors, self._gait(sign), _SETTLE_S, 0.3)
         return sum(state.frequency_hz[self.motor] for state in states) / len(states)
 
     def _gait(self, sign: float) -> Gait:

@@ -1,4 +1,4 @@
-"""How fast a motor really turns, as the tracker sees it: the robot shakes at the motor's frequency."""
+"""How fast a motor turns, measured by the tracker: the robot shakes at the motor's frequency."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 _LOOK_PERIOD_S, _DRIVE_PERIOD_S, _HOLD_S = 0.005, 0.04, 0.25
-_ATTEMPTS, _HELD_UP_S, _PATIENCE_S = 3, 0.1, 10.0
+_ATTEMPTS, _HELD_UP_S = 3, 0.1
+_REOPENING_S = 10.0  # time for a line to open again after this computer was held up
 _GAP = 3.5  # of the usual time between two poses: what is longer spoils the spectrum
 _LEAST_HZ = 1.0  # slower movement is the robot's walk
 _BINS = 8192
@@ -30,7 +31,7 @@ _SHARE_OF_NYQUIST = 0.96
 
 
 @dataclass(frozen=True, slots=True)
-class Shaking:
+class Spectrum:
     """The spectrum of a robot's movement.
 
     Args:
@@ -62,10 +63,10 @@ class Peak:
     shape: NDArray[np.complex128]
 
 
-def watch(motors: JoinedMotors, tracker: Tracker, gait: Gait, settle_s: float, duration_s: float) -> list[Pose]:
+def record_poses(motors: JoinedMotors, tracker: Tracker, gait: Gait, settle_s: float, duration_s: float) -> list[Pose]:
     """Drive ``gait`` and return the poses of ``duration_s``, after ``settle_s``. The motors are stopped after it.
 
-    A look during which this computer was held up, or the poses had a gap, is no measurement: it is made again.
+    A recording during which this computer was held up, or the poses had a gap, is discarded and repeated.
 
     Raises:
         DeviceError: a device failed, or the computer is held up again and again.
@@ -73,22 +74,22 @@ def watch(motors: JoinedMotors, tracker: Tracker, gait: Gait, settle_s: float, d
     """
     gap_s = 0.0
     for _ in range(_ATTEMPTS):
-        seen = _seen(motors, gait, settle_s, duration_s, tracker.pose)
+        seen = _record(motors, gait, settle_s, duration_s, tracker.pose)
         poses = [pose for number, pose in enumerate(seen) if number == 0 or pose != seen[number - 1]]
         apart_s = np.diff([pose.t_s for pose in poses])
         gap_s = max(apart_s, default=0.0)
         if len(poses) < 2 or gap_s < _GAP * np.median(apart_s):
             return poses
-    raise TrackingLost(f"the poses come with gaps of {gap_s:.2f} s, too long to see a vibration in")
+    raise TrackingLost(f"the poses have gaps of {gap_s:.2f} s, too long for a spectrum; check the tracker's network")
 
 
-def applied(motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float) -> list[MotorState]:
-    """Drive ``gait`` and return what the motors did for ``duration_s``, after ``settle_s``. Else as ``watch``."""
-    return _seen(motors, gait, settle_s, duration_s, motors.state)
+def record_states(motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float) -> list[MotorState]:
+    """Drive ``gait`` and return the motors' states of ``duration_s``, after ``settle_s``; see ``record_poses``."""
+    return _record(motors, gait, settle_s, duration_s, motors.state)
 
 
-def _seen(motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float, look: Callable[[], T]) -> list[T]:
-    """Return what ``look`` saw in a time in which this computer was not held up."""
+def _record(motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float, look: Callable[[], T]) -> list[T]:
+    """Return what ``look`` returned over a time in which this computer was not held up."""
     pace = _Pace()
     for _ in range(_ATTEMPTS):
         pace = _Pace()
@@ -97,22 +98,22 @@ def _seen(motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float, 
         except (DeviceError, TrackingLost):
             if not pace.was_held_up:
                 raise
-            motors.ready(_PATIENCE_S)
+            motors.ready(_REOPENING_S)
         else:
             if not pace.was_held_up:
                 return seen
-    raise DeviceTimeout(f"this computer was held up for {pace.longest_s:.2f} s and more; is it too busy?")
+    raise DeviceTimeout(f"this computer was held up for {pace.longest_s:.2f} s, again and again; end other programs")
 
 
 @dataclass(slots=True)
 class _Pace:
-    """How far apart, at most, the program's own turns were."""
+    """The longest time between two passes of the program's own loop."""
 
     last_s: float = math.inf
     longest_s: float = 0.0
 
-    def turn(self) -> float:
-        """Take note of a turn and return its time."""
+    def note_pass(self) -> float:
+        """Note a pass of the loop and return its time."""
         now_s = time.monotonic()
         self.longest_s = max(self.longest_s, now_s - self.last_s)
         self.last_s = now_s
@@ -120,7 +121,7 @@ class _Pace:
 
     @property
     def was_held_up(self) -> bool:
-        """Whether set-points may have run out meanwhile."""
+        """Whether set-points may have expired meanwhile."""
         return self.longest_s > _HELD_UP_S
 
 
@@ -129,9 +130,9 @@ def _drive(
 ) -> list[T]:
     """Drive ``gait``, and look often once it has settled."""
     seen = []
-    begin_s = next_drive_s = pace.turn()
+    begin_s = next_drive_s = pace.note_pass()
     try:
-        while (now_s := pace.turn()) < begin_s + settle_s + duration_s:
+        while (now_s := pace.note_pass()) < begin_s + settle_s + duration_s:
             if now_s >= next_drive_s:
                 motors.drive(gait, _HOLD_S)
                 motors.state()
@@ -140,15 +141,15 @@ def _drive(
                 seen.append(look())
             time.sleep(_LOOK_PERIOD_S)
     finally:
-        pace.turn()
+        pace.note_pass()
         motors.stop()
     return seen
 
 
-def shaking(poses: list[Pose]) -> Shaking:
+def measure_spectrum(poses: list[Pose]) -> Spectrum:
     """Return the spectrum of the movement in ``poses``. Raises TrackingLost for too few of them."""
     if len(poses) < 20:
-        raise TrackingLost(f"only {len(poses)} poses came, too few to see a vibration in")
+        raise TrackingLost(f"only {len(poses)} poses came, too few for a spectrum; let the tracker send faster")
     t_s = np.array([pose.t_s for pose in poses])
     grid_s = np.linspace(t_s[0], t_s[-1], len(t_s))
     seen = np.array([_coordinates(pose) for pose in poses])
@@ -157,11 +158,11 @@ def shaking(poses: list[Pose]) -> Shaking:
     scaled = still / (np.std(np.diff(still, axis=0), axis=0) + 1e-12)
     rate_hz = (len(t_s) - 1) / (t_s[-1] - t_s[0])
     amplitude = np.fft.rfft(scaled * np.hanning(len(t_s))[:, None], _BINS, axis=0)
-    return Shaking(np.fft.rfftfreq(_BINS, 1.0 / rate_hz), amplitude)
+    return Spectrum(np.fft.rfftfreq(_BINS, 1.0 / rate_hz), amplitude)
 
 
-def strongest(seen: Shaking, low_hz: float, high_hz: float, like: Peak | None = None) -> Peak:
-    """Return the strongest vibration between two frequencies; of the shape of ``like``, which finds weaker ones."""
+def find_peak(seen: Spectrum, low_hz: float, high_hz: float, like: Peak | None = None) -> Peak:
+    """Return the strongest vibration between two frequencies; with ``like``, of its shape, which finds weaker ones."""
     power = np.sum(np.abs(seen.amplitude) ** 2, axis=1)
     if like is not None:
         power = np.abs(seen.amplitude @ like.shape.conj()) ** 2

@@ -55,7 +55,7 @@ def decode_pose(datagram: bytes) -> tuple[int, Pose | None]:
     """Return sequence number and pose (sender's time; None if the robot is not seen) of a datagram.
 
     Raises:
-        ValueError: the datagram is malformed, or holds what is not a number.
+        ValueError: the datagram is malformed, or a value is not finite.
     """
     try:
         message = msgspec.json.decode(datagram, type=_Message)
@@ -67,7 +67,7 @@ def decode_pose(datagram: bytes) -> tuple[int, Pose | None]:
     pose = Pose(message.t_s, message.position_m, *angles, message.markers_m, uncertainty_m=message.uncertainty_m)
     more = (pose.t_s, pose.uncertainty_m or 0.0, *(value for marker in pose.markers_m for value in marker))
     if not (pose.is_finite and all(map(math.isfinite, more))):
-        raise ValueError("malformed pose: it holds what is not a number")
+        raise ValueError("malformed pose: a value is not a finite number")
     return message.sequence, pose
 
 
@@ -92,15 +92,15 @@ class PoseSender:
         self._sequence = 0
 
     def send(self, pose: Pose) -> None:
-        """Send one pose, or lose it: nobody may be listening yet, or the network may be full."""
+        """Send one pose. It is lost where no tracker listens yet or the network is full."""
         self._send(encode_pose(self._sequence, pose))
 
     def send_lost(self, t_s: float) -> None:
-        """Say that at ``t_s`` the robot was not seen."""
+        """Report that the robot was not in view at ``t_s``."""
         self._send(encode_lost(self._sequence, t_s))
 
     def close(self) -> None:
-        """Let go of the socket. Idempotent."""
+        """Close the socket. Idempotent."""
         self._socket.close()
 
     def _send(self, datagram: bytes) -> None:
@@ -129,17 +129,20 @@ class StreamTracker:
             self._socket.bind((host, port))
         except OSError as error:
             self._socket.close()
-            raise ValueError(f"cannot listen for poses on {host}:{port}: {error.strerror}") from error
-        self._newest = NewestPose(age_limit_s, f"no pose has come to {self.address}; is the tracker sending?")
+            raise ValueError(
+                f"cannot listen for poses on {host}:{port}: {error.strerror}; choose another tracker.port"
+            ) from error
+        reason = f"no pose has come to {self.address}; start the tracker and let it send there"
+        self._newest = NewestPose(age_limit_s, reason)
         self._datagram, self._sent_s = b"", -math.inf
         self._closing = threading.Event()
-        # A thread, for a socket that nobody reads keeps the oldest datagrams and throws away the newest.
+        # A thread of its own, for a socket that is not read keeps the oldest datagrams and discards the newest.
         self._thread = threading.Thread(target=self._listen, name=f"poses on {self.address}", daemon=True)
         self._thread.start()
 
     @property
     def address(self) -> str:
-        """Where it listens, as ``host:port``."""
+        """Address of the tracker, as ``host:port``."""
         host, port = self._socket.getsockname()
         return f"{host}:{port}"
 
@@ -166,7 +169,7 @@ class StreamTracker:
 
     def _take(self, datagram: bytes, received_s: float) -> None:
         if datagram == self._datagram:
-            return  # of a tracker that hangs and repeats itself: the pose grows old all the same
+            return  # a tracker that hangs may repeat itself: the pose ages all the same
         self._datagram = datagram
         try:
             sequence, pose = decode_pose(datagram)

@@ -15,7 +15,7 @@ from vvvaltr.controller.core.values import Gait, Outcome
 from vvvaltr.controller.loop.safety import GuardedRobot
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.choice import RobotChoice
-from vvvaltr.controller.robot.commissioning.calibrate import Reading, fitted, with_curves
+from vvvaltr.controller.robot.commissioning.calibrate import Reading, fit_curve, replace_curves
 from vvvaltr.controller.robot.hardware import HardwareRobot, open_hardware, open_motors
 from vvvaltr.controller.robot.opening import open_rig
 from vvvaltr.controller.robot.robot_file import RobotFile, load_robot_file
@@ -74,7 +74,7 @@ def test_a_fault_on_one_line_stops_all_motors_and_the_next_trial_runs(
     qik: MockProcess, odrive: MockProcess, robot: HardwareRobot
 ) -> None:
     hold(robot, GAIT, 0.2)
-    odrive.befall(Fault(kind=Kind.UNPLUG, at_s=0.0, duration_s=0.5))
+    odrive.inject(Fault(kind=Kind.UNPLUG, at_s=0.0, duration_s=0.5))
 
     with pytest.raises(LinkLost):
         hold(robot, GAIT, 1.0)
@@ -106,7 +106,7 @@ def test_a_calibrated_axis_turns_at_its_greatest_frequency_both_ways_and_no_fast
 ) -> None:
     bare = load_robot_file(Path(odrive.greeting.robot_file))
     seen = [Reading(0, command, share * command) for command in (16.5, 13.6, 10.7, 7.8, 4.9, 1.98)]
-    calibrated = with_curves(bare, [fitted(seen, ())] * 3)
+    calibrated = replace_curves(bare, [fit_curve(seen, ())] * 3)
     greatest_hz = calibrated.limits.max_hz[0]
 
     with closing(open_hardware(calibrated)) as robot:
@@ -135,7 +135,7 @@ def test_a_ramp_in_the_file_slows_the_start(odrive: MockProcess) -> None:
 def test_without_a_tracker_the_robot_does_not_open(robot_file: RobotFile) -> None:
     elsewhere = msgspec.structs.replace(robot_file, tracker=msgspec.structs.replace(robot_file.tracker, port=0))
 
-    with pytest.raises(TrackingLost, match="is the tracker sending"):
+    with pytest.raises(TrackingLost, match="start the tracker and let it send there"):
         open_hardware(elsewhere)
 
 

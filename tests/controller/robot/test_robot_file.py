@@ -9,7 +9,13 @@ import pytest
 from vvvaltr.controller.core.document import load_document, to_toml
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.loop.safety import Arena
-from vvvaltr.controller.robot.commissioning.calibrate import Reading, fitted, rewritten, with_curves, without_curves
+from vvvaltr.controller.robot.commissioning.calibrate import (
+    Reading,
+    fit_curve,
+    remove_curves,
+    replace_curves,
+    rewrite_robot_file,
+)
 from vvvaltr.controller.robot.robot_file import (
     RobotFile,
     load_robot_file,
@@ -18,7 +24,7 @@ from vvvaltr.controller.robot.robot_file import (
 from vvvaltr.drivers.mocking.faults import FaultScript, Kind
 from vvvaltr.drivers.node.table import NodeLineTable
 from vvvaltr.drivers.odrive.table import OdriveLineTable
-from vvvaltr.drivers.qik.protocol import timeout_s
+from vvvaltr.drivers.qik.protocol import watchdog_timeout_s
 from vvvaltr.drivers.qik.table import QikLineTable
 from vvvaltr.drivers.trackers.stream.table import StreamTable
 
@@ -175,7 +181,7 @@ def test_a_qik_line_has_a_watchdog_of_a_second_at_most_or_is_refused(path: Path,
 
     if timeout in (1, 2, 3, 17):
         assert isinstance(line := load_robot_file(path).line[0], QikLineTable)
-        assert 0.2 < timeout_s(line.timeout) < 0.8
+        assert 0.2 < watchdog_timeout_s(line.timeout) < 0.8
     else:
         with pytest.raises(UserError, match=rf"line\[1\]\.timeout is {timeout}, which means"):
             load_robot_file(path)
@@ -228,13 +234,15 @@ def test_a_bad_fault_script_is_refused_in_the_same_way(path: Path, text: str, me
 
 
 def calibrated(robot: RobotFile) -> RobotFile:
-    return with_curves(robot, [((14.0, 1.5), (127.0, 14.5)), ((14.0, 2.1), (127.0, 15.5)), ((2.0, 2.0), (20.0, 19.0))])
+    return replace_curves(
+        robot, [((14.0, 1.5), (127.0, 14.5)), ((14.0, 2.1), (127.0, 15.5)), ((2.0, 2.0), (20.0, 19.0))]
+    )
 
 
 def test_a_calibration_changes_curves_limits_and_search_and_leaves_the_rest_as_written(path: Path) -> None:
     robot = calibrated(load_robot_file(written(path, GOOD)))
 
-    text = rewritten(GOOD, robot)
+    text = rewrite_robot_file(GOOD, robot)
 
     assert load_robot_file(written(path, text)) == robot
     assert robot.limits.max_hz == (14.5, 15.0, 19.0)
@@ -248,13 +256,13 @@ def test_a_file_of_another_layout_is_written_anew(path: Path) -> None:
 line = [{driver = "odrive", channel = "can0", motor = [{node = 0, max_hz = 20.0}]}]
 tracker = {kind = "stream", port = 1}
 """
-    robot = with_curves(load_robot_file(written(path, text)), [((2.0, 2.0), (20.0, 19.0))])
+    robot = replace_curves(load_robot_file(written(path, text)), [((2.0, 2.0), (20.0, 19.0))])
 
-    assert load_robot_file(written(path, rewritten(text, robot))) == robot
+    assert load_robot_file(written(path, rewrite_robot_file(text, robot))) == robot
 
 
 def test_to_calibrate_commands_take_the_place_of_frequencies(path: Path) -> None:
-    bare = without_curves(load_robot_file(written(path, GOOD)))
+    bare = remove_curves(load_robot_file(written(path, GOOD)))
 
     assert [motor.curve for motor in bare.motors] == [((1.0, 1.0), (127.0, 127.0))] * 2 + [()]
     assert bare.limits.max_hz == (127.0, 127.0, 20.0)
@@ -263,8 +271,8 @@ def test_to_calibrate_commands_take_the_place_of_frequencies(path: Path) -> None
 def test_a_curve_rises_and_what_was_not_seen_is_taken_from_the_former_one_in_proportion() -> None:
     seen = [Reading(0, c, hz) for c, hz in ((127.0, 16.0), (100.0, 12.0), (70.0, 12.5), (50.0, float("nan")))]
 
-    assert fitted(seen, ()) == ((100.0, 12.0), (127.0, 16.0))
-    assert fitted(seen, ((14.0, 2.0), (50.0, 6.0), (100.0, 10.0), (127.0, 14.0))) == (
+    assert fit_curve(seen, ()) == ((100.0, 12.0), (127.0, 16.0))
+    assert fit_curve(seen, ((14.0, 2.0), (50.0, 6.0), (100.0, 10.0), (127.0, 14.0))) == (
         (14.0, 2.4),
         (50.0, 7.2),
         (100.0, 12.0),
@@ -273,8 +281,8 @@ def test_a_curve_rises_and_what_was_not_seen_is_taken_from_the_former_one_in_pro
 
 
 def test_a_motor_that_was_never_seen_to_turn_has_no_curve() -> None:
-    with pytest.raises(UserError, match=r"motor 3 was not seen to turn"):
-        fitted([Reading(2, 127.0, float("nan")), Reading(2, 60.0, 8.0)], ())
+    with pytest.raises(UserError, match=r"motor 3 could be measured at fewer than two commands"):
+        fit_curve([Reading(2, 127.0, float("nan")), Reading(2, 60.0, 8.0)], ())
 
 
 VERSION_0_1 = Path(__file__).parents[2] / "fixtures" / "version_0_1" / "robots"

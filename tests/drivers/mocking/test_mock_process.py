@@ -92,12 +92,12 @@ def test_the_controllers_death_stops_the_motors(mock: MockProcess) -> None:
 def test_a_lost_tracker_ends_the_trial_and_stops_the_motors(mock: MockProcess) -> None:
     with closing(open_hardware(load_robot_file(Path(mock.greeting.robot_file)))) as robot:
         robot.place(1)
-        mock.befall(Fault(kind=Kind.BLIND, at_s=0.0, duration_s=1.0))
+        mock.inject(Fault(kind=Kind.BLIND, at_s=0.0, duration_s=1.0))
         robot.clock.sleep(0.1)
         trial = run_trial(robot, GAIT, TrialSettings(duration_s=0.5, heading_limit_rad=None))
         assert trial.outcome is Outcome.COMPLETED  # placing waits until the robot is seen again
 
-        mock.befall(Fault(kind=Kind.BLIND, at_s=0.0, duration_s=0.5))
+        mock.inject(Fault(kind=Kind.BLIND, at_s=0.0, duration_s=0.5))
         lost = run_trial(Placed(robot), GAIT, TrialSettings(duration_s=2.0, settle_s=0.0, heading_limit_rad=None))
 
     assert lost.outcome is Outcome.TRACKING_LOST
@@ -120,7 +120,7 @@ class Placed:
 def test_unplugging_ends_the_trial_and_the_next_one_runs_on_the_new_line(mock: MockProcess) -> None:
     settings = TrialSettings(duration_s=0.6, heading_limit_rad=None)
     with closing(open_hardware(load_robot_file(Path(mock.greeting.robot_file)))) as robot:
-        mock.befall(Fault(kind=Kind.UNPLUG, at_s=0.0, duration_s=1.5))
+        mock.inject(Fault(kind=Kind.UNPLUG, at_s=0.0, duration_s=1.5))
         lost = run_trial(robot, GAIT, settings)
         mock.wait_until(lambda status: status.is_at_rest, timeout_s=1.0)
         again = run_trial(robot, GAIT, settings)
@@ -228,7 +228,7 @@ def test_the_link_of_a_killed_mock_is_taken_over(tmp_path: Path) -> None:
         assert json.loads(process.stdout.readline())["port"] == str(tmp_path / "here")
 
 
-def test_a_fault_script_befalls_at_its_time_after_the_motors_began(tmp_path: Path) -> None:
+def test_a_fault_script_acts_at_its_time_after_the_motors_began(tmp_path: Path) -> None:
     script = tmp_path / "faults.json"
     script.write_text(json.dumps({"fault": [{"kind": "error", "after_motion_s": 0.4, "motor": 2}]}))
     with started("odrive", "--link", "here", "--faults", "faults.json", cwd=tmp_path) as process:

@@ -47,7 +47,7 @@ class Bench:
 
     def greet(self) -> "Bench":
         self.sequence = 100
-        self.say(host.hello(self.sequence))
+        self.say(host.encode_hello(self.sequence))
         return self
 
     def command(self, frame, *values) -> Status:
@@ -69,7 +69,7 @@ class Bench:
         """Repeat a set-point at 50 Hz."""
         told = []
         for _ in range(duration_ms // 20):
-            self.command(host.drive, frequency_hz, 0.2)
+            self.command(host.encode_drive, frequency_hz, 0.2)
             told += self.wait(20)
         return told
 
@@ -88,7 +88,7 @@ def bench():
 
 
 def test_it_says_who_it_is():
-    (welcome,) = Bench().say(host.hello(7))
+    (welcome,) = Bench().say(host.encode_hello(7))
     assert isinstance(welcome, Welcome)
     assert (welcome.sequence, welcome.protocol, welcome.firmware) == (7, host.PROTOCOL, core.VERSION)
     assert (welcome.motor_count, welcome.max_hz, welcome.ramp_hz_s) == (3, MAX_HZ, RAMP_HZ_S)
@@ -122,7 +122,7 @@ def test_set_points_rise_no_faster_than_the_ramp_and_within_the_supply(bench):
 
 def test_a_new_set_point_is_acted_on_at_the_next_tick(bench):
     bench.wait(5)
-    bench.command(host.drive, (10.0, 10.0, 10.0), 0.2)
+    bench.command(host.encode_drive, (10.0, 10.0, 10.0), 0.2)
     bench.wait(1)
     assert min(bench.outputs) > 0
 
@@ -130,7 +130,7 @@ def test_a_new_set_point_is_acted_on_at_the_next_tick(bench):
 @pytest.mark.parametrize(("hold_s", "stopped_after_ms"), [(0.08, 80), (0.2, 200), (1.0, 250), (60.0, 250)])
 def test_the_motors_stop_when_hold_or_watchdog_runs_out(bench, hold_s, stopped_after_ms):
     bench.drive((10.0, 10.0, 10.0), 500)
-    bench.command(host.drive, (10.0, 10.0, 10.0), hold_s)
+    bench.command(host.encode_drive, (10.0, 10.0, 10.0), hold_s)
     bench.wait(stopped_after_ms - 1)
     assert min(bench.outputs) > 0
     bench.wait(1)
@@ -138,7 +138,7 @@ def test_the_motors_stop_when_hold_or_watchdog_runs_out(bench, hold_s, stopped_a
     assert bench.node.is_expired
     last = bench.wait(40)[-1]
     assert (last.flags, last.expiries) == (Flag.GREETED, 1)
-    bench.command(host.drive, (10.0, 10.0, 10.0), 0.2)
+    bench.command(host.encode_drive, (10.0, 10.0, 10.0), 0.2)
     last = bench.wait(40)[-1]
     assert (last.flags, last.expiries) == (Flag.GREETED | Flag.DRIVING, 1)
     assert not bench.node.is_expired
@@ -146,9 +146,9 @@ def test_the_motors_stop_when_hold_or_watchdog_runs_out(bench, hold_s, stopped_a
 
 def test_without_a_greeting_only_a_stop_is_obeyed():
     bench = Bench()
-    assert bench.command(host.drive, (10.0, 10.0, 10.0), 0.2) is Status.NOT_GREETED
-    assert bench.command(host.clear) is Status.NOT_GREETED
-    assert bench.command(host.stop) is Status.OK
+    assert bench.command(host.encode_drive, (10.0, 10.0, 10.0), 0.2) is Status.NOT_GREETED
+    assert bench.command(host.encode_clear) is Status.NOT_GREETED
+    assert bench.command(host.encode_stop) is Status.OK
     bench.wait(40)
     assert bench.outputs == [0, 0, 0]
 
@@ -156,7 +156,7 @@ def test_without_a_greeting_only_a_stop_is_obeyed():
 def test_another_version_of_the_protocol_is_not_greeted():
     bench = Bench()
     bench.say(host.encode_frame(struct.pack("<BHB", 1, 0, host.PROTOCOL + 1)))
-    assert bench.command(host.drive, (10.0, 10.0, 10.0), 0.2) is Status.NOT_GREETED
+    assert bench.command(host.encode_drive, (10.0, 10.0, 10.0), 0.2) is Status.NOT_GREETED
 
 
 def test_a_greeting_stops_the_motors_of_an_earlier_host(bench):
@@ -166,25 +166,25 @@ def test_a_greeting_stops_the_motors_of_an_earlier_host(bench):
 
 
 def test_a_repeated_or_overtaken_set_point_is_not_applied(bench):
-    bench.command(host.drive, (5.0, 5.0, 5.0), 0.2)
-    (repeated,) = bench.say(host.drive(bench.sequence, (9.0, 9.0, 9.0), 0.2))
-    (overtaken,) = bench.say(host.drive(bench.sequence - 5, (9.0, 9.0, 9.0), 0.2))
+    bench.command(host.encode_drive, (5.0, 5.0, 5.0), 0.2)
+    (repeated,) = bench.say(host.encode_drive(bench.sequence, (9.0, 9.0, 9.0), 0.2))
+    (overtaken,) = bench.say(host.encode_drive(bench.sequence - 5, (9.0, 9.0, 9.0), 0.2))
     assert (repeated.status, overtaken.status) == (Status.REPEATED, Status.OUT_OF_ORDER)
     assert [motor.ramped_hz for motor in bench.wait(150)[-1].motors] == [5.0, 5.0, 5.0]
 
 
 def test_missing_and_damaged_commands_are_counted(bench):
     bench.sequence += 3
-    bench.command(host.drive, (5.0, 5.0, 5.0), 0.2)
+    bench.command(host.encode_drive, (5.0, 5.0, 5.0), 0.2)
     assert bench.say(b"\x05noise\0") == []
     last = bench.wait(20)[-1]
     assert (last.lost, last.bad_frames, last.command) == (3, 1, bench.sequence)
 
 
 def test_sequence_numbers_go_round(bench):
-    bench.say(host.hello(65534))
+    bench.say(host.encode_hello(65534))
     bench.sequence = 65534
-    assert [bench.command(host.drive, (5.0, 5.0, 5.0), 0.2) for _ in range(3)] == [Status.OK] * 3
+    assert [bench.command(host.encode_drive, (5.0, 5.0, 5.0), 0.2) for _ in range(3)] == [Status.OK] * 3
     assert bench.sequence == 1
 
 
@@ -193,7 +193,7 @@ def test_a_stop_is_obeyed_whatever_its_sequence_number(bench, sequence):
     bench.sequence = 99
     bench.greet()
     bench.drive((10.0, 10.0, 10.0), 200)
-    (ack,) = bench.say(host.stop(sequence))
+    (ack,) = bench.say(host.encode_stop(sequence))
     assert ack.status is Status.OK
     assert bench.outputs == [0, 0, 0]
 
@@ -203,7 +203,7 @@ def test_a_stop_is_obeyed_whatever_its_sequence_number(bench, sequence):
     [((16.8, 0.0, 0.0), 0.2), ((0.0, -16.8, 0.0), 0.2), ((1.0, 1.0), 0.2), ((1.0,) * 4, 0.2), ((1.0,) * 3, 0.0)],
 )
 def test_a_set_point_that_it_cannot_apply_is_refused_as_a_whole(bench, frequency_hz, hold_s):
-    assert bench.command(host.drive, frequency_hz, hold_s) is Status.BAD_VALUE
+    assert bench.command(host.encode_drive, frequency_hz, hold_s) is Status.BAD_VALUE
     bench.wait(50)
     assert bench.outputs == [0, 0, 0]
 
@@ -216,11 +216,11 @@ def test_a_stalled_motor_stops_all_and_the_fault_stays_until_cleared(bench):
     bench.drive((10.0, 10.0, 10.0), 1000)
     assert bench.outputs == [0, 0, 0]
     bench.board.motors[1].is_jammed = False
-    assert bench.command(host.drive, (10.0, 10.0, 10.0), 0.2) is Status.FAULTED
+    assert bench.command(host.encode_drive, (10.0, 10.0, 10.0), 0.2) is Status.FAULTED
     bench.greet()
     assert [motor.fault for motor in bench.wait(40)[-1].motors] == [Fault.NONE, Fault.STALL, Fault.NONE]
-    assert bench.command(host.clear) is Status.OK
-    assert bench.command(host.drive, (10.0, 10.0, 10.0), 0.2) is Status.OK
+    assert bench.command(host.encode_clear) is Status.OK
+    assert bench.command(host.encode_drive, (10.0, 10.0, 10.0), 0.2) is Status.OK
     assert bench.wait(40)[-1].motors[1].fault is Fault.NONE
 
 
@@ -230,10 +230,10 @@ def test_a_hot_motor_stops_all_and_cannot_be_cleared_while_it_is_hot(bench):
     last = bench.drive((10.0, 10.0, 10.0), 60)[-1]
     assert (last.motors[2].fault, last.motors[2].temperature_c) == (Fault.OVER_TEMPERATURE, 95.0)
     assert bench.outputs == [0, 0, 0]
-    assert bench.command(host.clear) is Status.FAULTED
+    assert bench.command(host.encode_clear) is Status.FAULTED
     bench.board.motors[2].is_hot = False
-    assert bench.command(host.clear) is Status.OK
-    assert bench.command(host.drive, (10.0, 10.0, 10.0), 0.2) is Status.OK
+    assert bench.command(host.encode_clear) is Status.OK
+    assert bench.command(host.encode_drive, (10.0, 10.0, 10.0), 0.2) is Status.OK
 
 
 def test_telemetry_comes_every_20_ms_with_a_number_and_the_time(bench):
@@ -323,6 +323,6 @@ def test_well_framed_nonsense_moves_no_motor_and_breaks_nothing(nonsense):
     for payload in nonsense:
         bench.say(host.encode_frame(payload))
         bench.wait(1)
-    bench.say(host.hello(0))
+    bench.say(host.encode_hello(0))
     bench.sequence = 0
-    assert bench.command(host.drive, (1.0, 1.0, 1.0), 0.2) is Status.OK
+    assert bench.command(host.encode_drive, (1.0, 1.0, 1.0), 0.2) is Status.OK

@@ -35,8 +35,8 @@ class Node:
         self._thread = threading.Thread(target=lambda: self._plugged.run(lambda _: self._over.is_set()))
         self._thread.start()
 
-    def befall(self, kind, **details):
-        self._plugged.befall(Fault(kind, at_s=0.0, **details))
+    def inject(self, kind, **details):
+        self._plugged.inject(Fault(kind, at_s=0.0, **details))
 
     @property
     def applied_hz(self):
@@ -146,7 +146,7 @@ def test_a_frequency_that_the_node_cannot_reach_is_refused_before_it_is_sent(mot
 
 def test_a_stall_is_a_fault_that_stays_until_the_motors_are_made_ready(motors, node):
     drive_for(motors, 0.3)
-    node.befall(Kind.STALL, motor=2, duration_s=1.5)
+    node.inject(Kind.STALL, motor=2, duration_s=1.5)
     error = problem_of(motors)
     assert isinstance(error, DeviceFault) and error.code == "stall"
     assert "motor 2" in str(error)
@@ -160,7 +160,7 @@ def test_a_stall_is_a_fault_that_stays_until_the_motors_are_made_ready(motors, n
 
 
 def test_a_hot_motor_is_a_fault_that_cannot_be_cleared_while_it_is_hot(motors, node):
-    node.befall(Kind.ERROR, motor=3, duration_s=0.8)
+    node.inject(Kind.ERROR, motor=3, duration_s=0.8)
     error = problem_of(motors)
     assert isinstance(error, DeviceFault) and error.code == "over_temperature"
     with pytest.raises(DeviceFault, match="motor 3 reports over temperature"):
@@ -171,7 +171,7 @@ def test_a_hot_motor_is_a_fault_that_cannot_be_cleared_while_it_is_hot(motors, n
 
 def test_a_node_that_has_rebooted_is_a_lost_link_until_it_is_greeted_again(motors, node):
     drive_for(motors, 0.2)
-    node.befall(Kind.BROWN_OUT, duration_s=0.05)
+    node.inject(Kind.BROWN_OUT, duration_s=0.05)
     assert isinstance(problem_of(motors), LinkLost)
     motors.ready(patience_s=2.0)
     drive_until_reached(motors)
@@ -179,7 +179,7 @@ def test_a_node_that_has_rebooted_is_a_lost_link_until_it_is_greeted_again(motor
 
 def test_an_unplugged_node_is_a_lost_link_until_it_is_plugged_in_again(motors, node):
     drive_for(motors, 0.2)
-    node.befall(Kind.UNPLUG, duration_s=0.4)
+    node.inject(Kind.UNPLUG, duration_s=0.4)
     assert isinstance(problem_of(motors), LinkLost)
     motors.ready(patience_s=3.0)
     drive_for(motors, 0.2)
@@ -187,7 +187,7 @@ def test_an_unplugged_node_is_a_lost_link_until_it_is_plugged_in_again(motors, n
 
 def test_a_node_that_says_nothing_is_a_timeout(motors, node):
     drive_for(motors, 0.2)
-    node.befall(Kind.SILENCE, duration_s=0.8)
+    node.inject(Kind.SILENCE, duration_s=0.8)
     assert isinstance(problem_of(motors), DeviceTimeout)
     until(lambda: node.applied_hz == REST, within_s=0.1)
     motors.ready(patience_s=2.0)
@@ -196,14 +196,14 @@ def test_a_node_that_says_nothing_is_a_timeout(motors, node):
 @pytest.mark.parametrize("kind", [Kind.DROP, Kind.CORRUPT, Kind.DUPLICATE])
 def test_a_few_lost_damaged_or_repeated_messages_do_no_harm(motors, node, kind):
     drive_for(motors, 0.2)
-    node.befall(kind, replies=5)
+    node.inject(kind, replies=5)
     drive_for(motors, 0.4)
     drive_until_reached(motors)
 
 
 def test_telemetry_that_arrives_after_its_successor_is_a_fault(motors, node):
     drive_for(motors, 0.2)
-    node.befall(Kind.DELAY, replies=3, delay_s=0.2)
+    node.inject(Kind.DELAY, replies=3, delay_s=0.2)
     error = problem_of(motors)
     assert isinstance(error, DeviceFault) and error.code == "sequence"
     motors.ready()
@@ -212,7 +212,7 @@ def test_telemetry_that_arrives_after_its_successor_is_a_fault(motors, node):
 
 def test_lasting_delay_is_told_by_the_nodes_own_clock(motors, node):
     drive_for(motors, 0.2)
-    node.befall(Kind.DELAY, replies=200, delay_s=0.4)
+    node.inject(Kind.DELAY, replies=200, delay_s=0.4)
     assert isinstance(problem_of(motors), DeviceTimeout)
 
 

@@ -78,13 +78,13 @@ def test_a_velocity_beyond_the_curve_of_an_axis_is_refused(odrive: MockProcess) 
 
     with (
         closing(HeldMotors(lambda: open_line(line_table))) as motors,
-        pytest.raises(ValueError, match=r"axis 2: 17 Hz is beyond the calibrated 16.5 Hz"),
+        pytest.raises(ValueError, match=r"motor 3 of the line: 17 Hz is beyond the calibrated 16.5 Hz"),
     ):
         motors.drive(Gait((5.0, 5.0, 17.0)), 0.25)
 
 
 def test_an_axis_that_is_not_there_is_named(odrive: MockProcess) -> None:
-    with pytest.raises(DeviceTimeout, match=r"no heartbeat comes from axis 9; check power, wiring"):
+    with pytest.raises(DeviceTimeout, match=r"no heartbeat from axis 9; check power, wiring"):
         open_line(table("slcan", odrive.greeting.port, motor=(OdriveMotorTable(node=9, max_hz=10.0),)))
 
 
@@ -111,7 +111,7 @@ def test_every_fault_is_a_typed_error_stops_the_motors_and_can_be_recovered_from
     odrive: MockProcess, motors: HeldMotors, fault: Fault, error: type[Exception], code: str | None
 ) -> None:
     hold(motors, GAIT, 0.2)
-    odrive.befall(fault)
+    odrive.inject(fault)
 
     with pytest.raises(error) as caught:
         hold(motors, GAIT, 1.5)
@@ -129,7 +129,7 @@ def test_a_few_lost_or_garbled_frames_of_a_hundred_a_second_do_no_harm(
 ) -> None:
     hold(motors, GAIT, 0.2)
 
-    odrive.befall(Fault(kind=kind, at_s=0.0, replies=2))
+    odrive.inject(Fault(kind=kind, at_s=0.0, replies=2))
     try:
         hold(motors, GAIT, 0.5)
     except DeviceFault as fault:

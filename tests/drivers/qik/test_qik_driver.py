@@ -20,7 +20,7 @@ from vvvaltr.drivers.mocking.process import MockProcess
 from vvvaltr.drivers.motor_line import WATCHDOG, HeldMotors
 from vvvaltr.drivers.qik.line import QikLine, open_line
 from vvvaltr.drivers.qik.mock import CURVE, QikDevice
-from vvvaltr.drivers.qik.protocol import Command, Parameter, least_baud, packet
+from vvvaltr.drivers.qik.protocol import Opcode, Parameter, encode_packet, least_baud
 from vvvaltr.drivers.qik.table import QikLineTable, QikMotorTable
 
 GAIT = Gait((6.0, -11.5, 16.5))
@@ -65,7 +65,7 @@ class DirectLine:
         self.written += len(data)
         self._said += self.device.on_bytes(data, 0.0)
 
-    def read(self, size: int, timeout_s: float) -> bytes:
+    def read(self, size: int, watchdog_timeout_s: float) -> bytes:
         self._said += self.device.tick(1.0)
         said, self._said = self._said[:size], self._said[size:]
         return said
@@ -87,7 +87,7 @@ def test_watchdog_and_shutdown_are_switched_on_and_stay_so(qik: MockProcess, mot
     try:
         for board in (0, 1):
             for parameter in (Parameter.TIMEOUT, Parameter.SHUT_DOWN):
-                link.write(packet(board, Command.GET, parameter))
+                link.write(encode_packet(board, Opcode.GET, parameter))
                 assert link.read(10, 2.0) == b"\x01"
     finally:
         link.close()
@@ -241,7 +241,7 @@ def test_a_board_that_is_not_there_is_named(qik: MockProcess) -> None:
 
 @pytest.mark.parametrize("kind", [Kind.CORRUPT, Kind.DROP])
 def test_a_board_whose_first_answers_are_spoilt_is_found_all_the_same(qik: MockProcess, kind: Kind) -> None:
-    qik.befall(Fault(kind=kind, at_s=0.0, replies=2))
+    qik.inject(Fault(kind=kind, at_s=0.0, replies=2))
     time.sleep(0.1)
 
     open_line(table(qik.greeting.port)).close()
@@ -285,7 +285,7 @@ def test_every_fault_is_a_typed_error_stops_the_motors_and_can_be_recovered_from
     qik: MockProcess, motors: HeldMotors, fault: Fault, error: type[Exception], code: str | None
 ) -> None:
     hold(motors, GAIT, 0.1)
-    qik.befall(fault)
+    qik.inject(fault)
 
     with pytest.raises(error) as caught:
         hold(motors, GAIT, 1.0)

@@ -6,7 +6,7 @@ import pytest
 
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.qik.mock import CURVE, QikDevice
-from vvvaltr.drivers.qik.protocol import crc7, timeout_s
+from vvvaltr.drivers.qik.protocol import compute_crc7, watchdog_timeout_s
 
 FULL_HZ = CURVE.highest_hz
 
@@ -157,14 +157,14 @@ def test_a_malformed_packet_is_a_format_error_that_stops_the_motors_and_is_clear
 def test_a_wrong_crc_is_an_error_and_the_command_ignored() -> None:
     device = QikDevice(((9, 0),), has_crc=True)
     packet = bytes((0xAA, 9, 0x08, 127))
-    device.on_bytes(b"\xaa" + packet + bytes((crc7(packet) ^ 1,)), 0.0)
+    device.on_bytes(b"\xaa" + packet + bytes((compute_crc7(packet) ^ 1,)), 0.0)
 
     assert device.applied_hz == (0.0,)
     assert device.faults == ("board 9: CRC error",)
 
 
 def test_the_crc_is_the_one_of_the_users_guide() -> None:
-    assert crc7(bytes((0x83, 0x01))) == 0x17
+    assert compute_crc7(bytes((0x83, 0x01))) == 0x17
 
 
 def test_the_serial_timeout_stops_the_motors_and_sets_its_bit() -> None:
@@ -184,7 +184,7 @@ def test_the_serial_timeout_stops_the_motors_and_sets_its_bit() -> None:
 
 @pytest.mark.parametrize(("value", "expected_s"), [(0, 0.0), (1, 0.262), (0x5E, 117.4), (0x7F, 503.0)])
 def test_timeout_values_mean_what_the_guide_says(value: int, expected_s: float) -> None:
-    assert timeout_s(value) == pytest.approx(expected_s, rel=0.01)
+    assert watchdog_timeout_s(value) == pytest.approx(expected_s, rel=0.01)
 
 
 def test_a_slow_motor_starts_only_after_a_push() -> None:

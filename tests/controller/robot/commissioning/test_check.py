@@ -18,7 +18,7 @@ import pytest
 import vvvaltr.controller.robot.commissioning.calibrate
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.values import MotorState
-from vvvaltr.controller.robot.commissioning.calibrate import Reading, fitted, without_curves
+from vvvaltr.controller.robot.commissioning.calibrate import Reading, fit_curve, remove_curves
 from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.process import MockProcess
@@ -57,7 +57,7 @@ def test_a_sound_robot_passes_every_point(qik: MockProcess, capsys: pytest.Captu
 
 
 def test_a_stalled_motor_fails_with_a_cure(odrive: MockProcess, capsys: pytest.CaptureFixture[str]) -> None:
-    odrive.befall(Fault(kind=Kind.STALL, at_s=0.0, motor=2, duration_s=25.0))
+    odrive.inject(Fault(kind=Kind.STALL, at_s=0.0, motor=2, duration_s=25.0))
 
     status, data = answer(capsys, "check", "--robot", odrive.greeting.robot_file)
 
@@ -150,7 +150,7 @@ def test_one_motor_whose_watchdog_is_off_fails_the_line(
 
     (finding,) = (check for check in data["checks"] if check["name"] == "line 1 watchdog")
     assert not finding["passed"]
-    assert "has not stopped motor 2" in finding["detail"]
+    assert "had not stopped motor 2" in finding["detail"]
 
 
 def test_calibrating_again_asks_for_the_same_greatest_command(odrive: MockProcess) -> None:
@@ -159,7 +159,7 @@ def test_calibrating_again_asks_for_the_same_greatest_command(odrive: MockProces
     curved = tuple(msgspec.structs.replace(it, curve=((2.0, 1.9), (16.5, 16.4)), max_hz=16.4) for it in line.motor)
     robot = msgspec.structs.replace(robot, line=(msgspec.structs.replace(line, motor=curved),))
 
-    assert [motor.max_hz for motor in without_curves(robot).motors] == pytest.approx([16.5] * 3)
+    assert [motor.max_hz for motor in remove_curves(robot).motors] == pytest.approx([16.5] * 3)
 
 
 ASKED = ("--ask", "--points", "2", "--seconds", "0.5")
@@ -247,4 +247,4 @@ def test_a_full_disk_leaves_the_robots_file(
 def test_readings_that_are_equal_when_rounded_make_one_point() -> None:
     seen = [Reading(0, 100.0, 5.0004), Reading(0, 80.0, 4.9996), Reading(0, 60.0, 3.0)]
 
-    assert fitted(seen, ()) == ((60.0, 3.0), (100.0, 5.0))
+    assert fit_curve(seen, ()) == ((60.0, 3.0), (100.0, 5.0))

@@ -118,7 +118,7 @@ def test_track_tells_of_every_kind_of_tracker(kind: str, tmp_path: Path, capsys:
 def test_track_of_a_robot_that_is_not_seen_is_one_line_with_the_cure(
     qik: MockProcess, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    qik.befall(Fault(kind=Kind.BLIND, at_s=0.0, duration_s=1.5))
+    qik.inject(Fault(kind=Kind.BLIND, at_s=0.0, duration_s=1.5))
     assert main(["track", qik.greeting.robot_file, "--duration", "0.5"]) == 1
     assert "show it the robot" in capsys.readouterr().err
 

@@ -15,7 +15,7 @@ import pytest
 from vvvaltr.controller.core.errors import DeviceTimeout, TrackingLost
 from vvvaltr.controller.core.protocols import Tracker
 from vvvaltr.controller.core.values import Gait, Pose
-from vvvaltr.controller.robot.commissioning.vibration import shaking, strongest, watch
+from vvvaltr.controller.robot.commissioning.vibration import find_peak, measure_spectrum, record_poses
 from vvvaltr.controller.robot.hardware import HardwareRobot, open_hardware
 from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.drivers.mocking.process import MockProcess
@@ -45,14 +45,14 @@ class Sleepy:
 
 
 def seen_hz(poses: list[Pose]) -> float:
-    return strongest(shaking(poses), 2.0, 25.0).frequency_hz
+    return find_peak(measure_spectrum(poses), 2.0, 25.0).frequency_hz
 
 
 def test_a_look_during_which_the_program_was_held_up_is_made_again(robot: HardwareRobot) -> None:
     begin_s = time.monotonic()
     tracker = Sleepy(robot.tracker, 0.3, frozenset({30}))
 
-    poses = watch(robot.motors, tracker, GAIT, SETTLE_S, LOOK_S)
+    poses = record_poses(robot.motors, tracker, GAIT, SETTLE_S, LOOK_S)
 
     assert time.monotonic() - begin_s > 2.0 * (SETTLE_S + LOOK_S)
     assert np.diff([pose.t_s for pose in poses]).max() < 0.1
@@ -68,7 +68,7 @@ def test_a_look_in_which_the_tracker_paused_is_made_again(robot: HardwareRobot, 
     for pause in pauses:
         pause.start()
 
-    poses = watch(robot.motors, robot.tracker, GAIT, SETTLE_S, LOOK_S)
+    poses = record_poses(robot.motors, robot.tracker, GAIT, SETTLE_S, LOOK_S)
 
     assert time.monotonic() - begin_s > 2.0 * (SETTLE_S + LOOK_S)
     assert np.diff([pose.t_s for pose in poses]).max() < 0.1
@@ -78,8 +78,10 @@ def test_a_look_in_which_the_tracker_paused_is_made_again(robot: HardwareRobot, 
 def test_a_computer_that_is_held_up_again_and_again_is_told_of(robot: HardwareRobot, qik: MockProcess) -> None:
     tracker = Sleepy(robot.tracker, 0.15, None)
 
-    with pytest.raises(DeviceTimeout, match=r"this computer was held up for 0\.\d+ s and more; is it too busy"):
-        watch(robot.motors, tracker, GAIT, SETTLE_S, 0.4)
+    with pytest.raises(
+        DeviceTimeout, match=r"this computer was held up for 0\.\d+ s, again and again; end other programs"
+    ):
+        record_poses(robot.motors, tracker, GAIT, SETTLE_S, 0.4)
 
     assert qik.wait_until(lambda status: True).is_at_rest
 
@@ -98,4 +100,4 @@ def test_a_tracker_whose_poses_always_have_gaps_is_told_of(robot: HardwareRobot)
             return self._last
 
     with pytest.raises(TrackingLost, match=r"gaps of 0\.\d+ s, too long to see a vibration in"):
-        watch(robot.motors, Gappy(), GAIT, SETTLE_S, 0.6)
+        record_poses(robot.motors, Gappy(), GAIT, SETTLE_S, 0.6)
