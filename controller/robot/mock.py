@@ -13,7 +13,7 @@ from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.robot.robot_file import RobotFile, SearchTable
 from vvvaltr.drivers.mocking.faults import Fault
-from vvvaltr.drivers.mocking.motion import Motion
+from vvvaltr.drivers.mocking.moving_twin import MovingTwin
 from vvvaltr.drivers.mocking.plugged import PluggedDevice
 from vvvaltr.drivers.registry import DRIVERS, MockLine
 from vvvaltr.drivers.table import LineTable, TrackerTable
@@ -79,7 +79,7 @@ def open_mock(
         undo.callback(line.port.close)
         feed = _make_feed(tracker)
         undo.callback(feed.feed.close)
-        motion = Motion(_twin(twin).make(), feed.feed)
+        motion = MovingTwin(_twin(twin).make(), feed.feed)
         undo.callback(motion.close)
         mock = Mock(PluggedDevice(line.device, line.port, motion, faults), line.port.name, robot_file, feed.address)
         undo.callback(robot_file.unlink, missing_ok=True)

@@ -12,7 +12,7 @@ from contextlib import suppress
 
 from vvvaltr.drivers.mocking.device import Device
 from vvvaltr.drivers.mocking.faults import DEVICE_KINDS, REPLY_KINDS, Fault, Kind, Schedule
-from vvvaltr.drivers.mocking.motion import Motion
+from vvvaltr.drivers.mocking.moving_twin import MovingTwin
 from vvvaltr.drivers.mocking.port import Port
 
 _TICK_S = 0.002
@@ -37,7 +37,9 @@ class PluggedDevice:
         ValueError: a fault names a motor that the device does not have.
     """
 
-    def __init__(self, device: Device, port: Port, motion: Motion | None = None, faults: Sequence[Fault] = ()) -> None:
+    def __init__(
+        self, device: Device, port: Port, motion: MovingTwin | None = None, faults: Sequence[Fault] = ()
+    ) -> None:
         self._device = device
         self._port = port
         self._motion = motion

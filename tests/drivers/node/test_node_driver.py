@@ -221,7 +221,7 @@ def test_a_gap_in_the_set_points_is_told(node):
     line.send(GAIT)
     until(lambda: node.device.watchdog)
     line.send(GAIT)
-    with pytest.raises(DeviceFault, match="no command reached it in time") as caught:
+    with pytest.raises(DeviceFault, match="no command came in time") as caught:
         line.listen(time.monotonic() + 0.2)
     assert caught.value.code == "watchdog"
     line.close()

@@ -16,7 +16,7 @@ _SHORTEST_STEP_S = 0.01  # finer than a tracker resolves; shorter steps would de
 _LONGEST_STEP_S = 0.05  # a mock that was held up for longer skips the rest
 
 
-class Motion:
+class MovingTwin:
     """Moves a twin at the frequencies that the device applies, and shows its pose to a tracker 50 times a second.
 
     Args:
