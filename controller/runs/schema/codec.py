@@ -99,8 +99,12 @@ def encode_run(version: int, head: Run) -> pb.Run:
 def decode_run(message: pb.Run) -> Run:
     """Return the run that a message begins, without trials."""
     structure = _decode_structure(message.structure) if message.HasField("structure") else None
-    sources = (Source(it.name, tuple(map(decode_gait, it.gaits)), tuple(it.scores_m_s)) for it in message.sources)
-    return Run(structure, tuple(sources), about=dict(message.about))
+    return Run(structure, tuple(map(_decode_source, message.sources)), about=dict(message.about))
+
+
+def _decode_source(message: pb.Source) -> Source:
+    scores_m_s = tuple(finite(score_m_s, "score_m_s") for score_m_s in message.scores_m_s)
+    return Source(message.name, tuple(map(decode_gait, message.gaits)), scores_m_s)
 
 
 def encode_suggestion(suggestion: Suggestion) -> pb.Suggestion:

@@ -393,6 +393,10 @@ def test_a_compressed_log_is_refused_before_it_is_unpacked(tmp_path: Path) -> No
         pb.Tracking(markers_m=[0.0, 1.0]),
         pb.Run(format=1, structure=pb.Structure(terrain=pb.Terrain(x_m=[0.0], y_m=[0.0]))),
         pb.Run(format=1, sources=[pb.Source(name="empty")]),
+        pb.Run(sources=[pb.Source(name="nan", gaits=[pb.Gait(frequency_hz=[1.0])], scores_m_s=[math.nan])]),
+        pb.Tracking(t_s=math.inf),
+        pb.Command(t_s=math.nan),
+        pb.MotorState(t_s=math.inf),
     ],
 )
 def test_a_message_that_no_run_writes_is_damage(tmp_path: Path, message: object) -> None:
@@ -400,6 +404,8 @@ def test_a_message_that_no_run_writes_is_damage(tmp_path: Path, message: object)
         pb.Trial: "/trial",
         pb.Suggestion: "/optimizer/suggestion",
         pb.Tracking: "/robot/tracking",
+        pb.Command: "/motors/command",
+        pb.MotorState: "/motors/state",
         pb.Run: "/run",
     }
     with pytest.raises(UserError, match="is damaged"):
