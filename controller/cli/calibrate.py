@@ -1,4 +1,4 @@
-"""`vvvaltr calibrate`: the command -> Hz curve of each motor, kept in the robot's file."""
+"""`vvvaltr calibrate`: the curve from command to Hz of each motor, saved in the robot's file."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def _execute(arguments: Namespace) -> Answer:
             with one_line_errors():
                 run_campaign(store, pairs, arguments.repeats, methods, executor, partial(_progress, arguments))
         except KeyboardInterrupt:
-            raise KeyboardInterrupt("what is done is saved: the same command continues it") from None
+            raise KeyboardInterrupt("the finished runs are saved: the same command continues the campaign") from None
     found = gather_findings(store, pairs)
     return Answer(_prose(found, out), {"experiments": as_json(found), "out": str(out)})
 

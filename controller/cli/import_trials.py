@@ -1,4 +1,4 @@
-"""`vvvaltr import`: trials measured elsewhere become a run, which others can learn from."""
+"""`vvvaltr import`: trials measured elsewhere become a run that others can learn from."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def _rows(path: Path, columns: list[str]) -> Iterator[tuple[int, list[float]]]:
                 guess = did_you_mean(missing[0], table.fieldnames or ())
                 raise NotUnderstood(f"{path} has no column {missing[0]!r}{guess}; its first line has {has}")
             for row in table:
-                if None in row:  # where DictReader puts what is beyond the last column
+                if None in row:  # where DictReader puts the cells beyond the last column
                     raise NotUnderstood(
                         f"{path}, line {table.line_num} has more cells than there are column names: write decimals "
                         "with a point, 1.5, and quote text with commas"

@@ -22,7 +22,7 @@ from vvvaltr.controller.core.signals import interrupt_on_signals
 GROUPS = {
     "find a gait": ("learn", "trial", "landscape", "experiment"),
     "drive the robot": ("repertoire", "go"),
-    "look at what was measured": ("view", "report", "import"),
+    "look at what was measured": ("view", "report", "export", "import"),
     "set a robot up": ("check", "calibrate", "camera", "track", "mock"),
     "this program": ("completion",),
 }
@@ -115,7 +115,7 @@ def _fail(line: str, status: int) -> int:
 def _refusal(error: OSError) -> str:
     said = error.strerror or str(error)
     if error.errno == errno.ENOSPC:
-        said += "; free some space, then go on: with a run by --resume, with anything else by the same command"
+        said += "; free some space, then continue: a run by --resume, anything else by the same command"
     return f"{error.filename}: {said}" if error.filename else said
 
 

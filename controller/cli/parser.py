@@ -50,7 +50,7 @@ class Parser(ArgumentParser):
     def parse_known_args(  # type: ignore[override]
         self, args: Sequence[str] | None = None, namespace: Namespace | None = None
     ) -> tuple[Namespace, list[str]]:
-        """Parse; nothing is ever left over."""
+        """Return the parsed arguments and an empty list: an argument that is not understood ends the program."""
         words = list(sys.argv[1:] if args is None else args)
         self._refuse_unknown_options(words)
         parsed, extra = super().parse_known_args(words, namespace)

@@ -16,20 +16,26 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def write_csv(table: NDArray[np.void], path: Path) -> None:
-    """Write a table, as ``Run.table`` makes it, with a line of column names; NaN becomes an empty cell.
+def to_csv(table: NDArray[np.void]) -> str:
+    """Return a table, as ``Run.table`` makes it, with a line of column names; NaN becomes an empty cell.
 
-    Numbers are written with all their digits. An existing file is replaced in one step.
-
-    Raises:
-        UserError: the file cannot be written.
+    Numbers have all their digits.
     """
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(table.dtype.names or ())
     writer.writerows([_cell(value) for value in row] for row in table.tolist())
+    return text.getvalue()
+
+
+def write_csv(table: NDArray[np.void], path: Path) -> None:
+    """Write a table as ``to_csv`` returns it. An existing file is replaced in one step.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
     try:
-        write_whole(path, text.getvalue())
+        write_whole(path, to_csv(table))
     except OSError as error:
         raise UserError(f"{path} cannot be written: {error.strerror}; name another file") from error
 

@@ -140,6 +140,19 @@ def test_imported_trials_cannot_be_resumed_but_learned_from(tmp_path: Path, caps
     assert "lab has no run.toml, so it cannot be resumed" in line and "--source" in line
 
 
+def test_the_example_of_the_readme_works_with_the_table_that_ships(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = Path(__file__).parents[3]
+    (line,) = [line for line in (root / "README.md").read_text().splitlines() if line.startswith("vvvaltr import ")]
+    words = line.partition("#")[0].split()[1:]
+    words[words.index("--out") + 1] = str(tmp_path / "lab")
+    monkeypatch.chdir(root)
+
+    assert main(words) == 0
+    assert len(read_run(tmp_path / "lab").trials) == 24
+
+
 def test_imported_trials_can_be_viewed(tmp_path: Path) -> None:
     imported(tmp_path)
 

@@ -42,6 +42,7 @@ def test_what_was_measured_is_kept_as_a_run(tmp_path: Path, capsys: pytest.Captu
     trials = read_run(out).trials
     assert found["run"] == str(out)
     assert [it.score for it in trials] == [repeat["score_m_s"] for repeat in found["repeats"]]
+    assert read_run(out).about["robot"] == "planar"
     assert {it.suggestion.origin for it in trials} == {"asked for"}
     assert {it.suggestion.phase for it in trials} == {Phase.ASKED}
     assert all(it.movement is not None and it.applied is not None for it in trials)

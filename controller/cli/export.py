@@ -1,0 +1,35 @@
+"""`vvvaltr export`: a run as a table, one line per trial."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.core.errors import NotUnderstood
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("run", type=Path, metavar="RUN", help="directory of the run")
+    parser.add_argument("--csv", required=True, metavar="FILE", help="table to write; - is standard output")
+
+
+def _execute(arguments: Namespace) -> Answer:
+    from vvvaltr.controller.runs.log import read_run
+    from vvvaltr.controller.runs.table import to_csv, write_csv
+
+    if arguments.csv == "-" and arguments.json:
+        raise NotUnderstood("--csv - and --json both write to standard output: choose one")
+    table = read_run(arguments.run).table()
+    if arguments.csv == "-":
+        return Answer(to_csv(table).rstrip("\n"), {})
+    write_csv(table, Path(arguments.csv))
+    return Answer(f"{len(table)} trials in {arguments.csv}", {"csv": arguments.csv, "trials": len(table)})
+
+
+COMMAND = Command(
+    help="write the trials of a run as a table, for a spreadsheet or statistics",
+    example="vvvaltr export runs/flat --csv flat.csv",
+    add_arguments=_add_arguments,
+    execute=_execute,
+)
