@@ -7,6 +7,7 @@ strut's x), ``3 k + 1`` (force along its y) and ``3 k + 2`` (torque about its ax
 from __future__ import annotations
 
 import math
+import os
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -70,10 +71,28 @@ def find_strut_frames(nodes_m: Array) -> Array:
     return np.stack([x, np.cross(z, x), z], axis=2)
 
 
+def _import_mujoco() -> Any:
+    """Import MuJoCo, even where MUJOCO_GL names a renderer that this computer lacks: the twin renders nothing."""
+    try:
+        import mujoco
+    except ModuleNotFoundError:
+        raise
+    except (ImportError, AttributeError, RuntimeError):
+        wanted = os.environ.pop("MUJOCO_GL", None)
+        if wanted is None:
+            raise
+        os.environ["MUJOCO_GL"] = "disable"
+        try:
+            import mujoco
+        finally:
+            os.environ["MUJOCO_GL"] = wanted
+    return mujoco
+
+
 def _quiet_mujoco() -> Any:
     """Import MuJoCo and switch its own log off, on disk and screen: the engine itself says what went wrong."""
     try:
-        import mujoco
+        mujoco = _import_mujoco()
     except ModuleNotFoundError:
         raise UserError('the spatial twin needs MuJoCo: pip install "vvvaltr[spatial]"') from None
     log = mujoco.MjLogConfig.get()

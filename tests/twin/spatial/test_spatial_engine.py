@@ -1,4 +1,6 @@
 import math
+import os
+import subprocess
 import sys
 from dataclasses import replace
 
@@ -283,3 +285,16 @@ def test_looking_at_the_forces_does_not_change_the_motion(engine):
         engine.step(LIVELY, 0.05)
 
     assert np.array_equal(engine.nodes_m(), unseen)
+
+
+@pytest.mark.parametrize("renderer", ["osmesa", "nonsense"])
+def test_a_renderer_that_the_computer_lacks_does_not_matter(renderer):
+    program = (
+        "import os; from vvvaltr.twin.presets import spatial_robot; spatial_robot(); print(os.environ['MUJOCO_GL'])"
+    )
+
+    done = subprocess.run(
+        [sys.executable, "-c", program], env={**os.environ, "MUJOCO_GL": renderer}, capture_output=True, text=True
+    )
+
+    assert (done.returncode, done.stdout.strip()) == (0, renderer), done.stderr
