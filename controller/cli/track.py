@@ -97,7 +97,7 @@ def _line(seen: Sight) -> str:
         return seen.reason
     x_m, y_m, z_m = seen.position_m
     told = "" if math.isnan(seen.uncertainty_m) else f" (tracker says {1000.0 * seen.uncertainty_m:.2f} mm)"
-    lost = f"  lost {100.0 * seen.lost_share:.0f} %" if seen.lost_share else ""
+    lost = f"  lost {100.0 * seen.lost_share:.1f} %" if seen.lost_share else ""
     return (
         f"x {x_m:+.3f}  y {y_m:+.3f}  z {z_m:+.3f} m  yaw {math.degrees(seen.yaw_rad):+.1f} deg  "
         f"{seen.rate_hz:.0f} Hz  gap {1000.0 * seen.longest_gap_s:.0f} ms  jitter {1000.0 * seen.jitter_s:.0f} ms  "

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _LOOK_PERIOD_S = 0.001
 LEAST_RATE_HZ, LONGEST_GAP_S, MOST_JITTER_S, MOST_NOISE_M = 20.0, 0.15, 0.06, 0.005
 _STEEP_RAD = math.radians(80.0)
+_PROMPT = "connect the tracker by cable, let it send each pose at once, and end other programs on this computer"
 _BURSTS, _REST_S, _BURST_S = 5, 0.6, 1.0
 _DRIVE_PERIOD_S, _HOLD_S = 0.04, 0.25
 _CLEAR = 5.0  # of the scatter at rest: what counts as movement
@@ -146,10 +147,12 @@ def problems(seen: Sight) -> tuple[Problem, ...]:
         found.append(Problem(f"{seen.rate_hz:.0f} poses/s", f"let it send {LEAST_RATE_HZ:g} poses/s or more"))
     if seen.longest_gap_s > max(LONGEST_GAP_S, 2.5 / seen.rate_hz):
         what = f"a gap of {seen.longest_gap_s:.2f} s between two poses"
-        found.append(Problem(what, "use a cable in place of Wi-Fi, and end other programs on both computers"))
+        found.append(
+            Problem(what, "connect the tracker by cable, not by Wi-Fi, and end other programs on both computers")
+        )
     if seen.jitter_s > MOST_JITTER_S:
         what = f"poses come up to {1000.0 * seen.jitter_s:.0f} ms later than the quickest"
-        found.append(Problem(what, "use a cable in place of Wi-Fi, and let the tracker send each pose at once"))
+        found.append(Problem(what, _PROMPT))
     if seen.noise_m > MOST_NOISE_M:
         what = f"the position scatters by {1000.0 * seen.noise_m:.1f} mm"
         found.append(Problem(what, "put the robot down at rest, and calibrate the tracker"))

@@ -1,0 +1,62 @@
+"""The senders of poses in the documentation and the examples, without ROS."""
+
+import importlib.util
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from moving import is_pose, until
+
+from vvvaltr.drivers.trackers.attitude import quaternion_of
+from vvvaltr.drivers.trackers.stream.tracker import StreamTracker, decode_pose
+
+ROOT = Path(__file__).parent.parent
+
+
+def ros_node():
+    spec = importlib.util.spec_from_file_location("pose_to_vvvaltr", ROOT / "examples/ros2/pose_to_vvvaltr.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def stamped(position_m, angles):
+    """A geometry_msgs/PoseStamped, as far as the node looks at it."""
+    axes = ("x", "y", "z", "w")
+    return SimpleNamespace(
+        header=SimpleNamespace(stamp=SimpleNamespace(sec=12, nanosec=500_000_000)),
+        pose=SimpleNamespace(
+            position=SimpleNamespace(**dict(zip(axes, position_m, strict=False))),
+            orientation=SimpleNamespace(**dict(zip(axes, quaternion_of(angles), strict=True))),
+        ),
+    )
+
+
+@pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0), (3.0, 0.2, -0.1), (-2.0, -1.5, 3.0)])
+def test_the_ros_node_sends_what_the_tracker_understands(angles):
+    sequence, pose = decode_pose(ros_node().datagram(7, stamped((0.1, -0.2, 0.03), angles)))
+
+    assert (sequence, pose.t_s, pose.position_m) == (7, 12.5, (0.1, -0.2, 0.03))
+    assert (pose.yaw_rad, pose.pitch_rad, pose.roll_rad) == pytest.approx(angles)
+
+
+def test_the_ros_node_never_sends_what_is_no_number_as_a_pose():
+    with pytest.raises(ValueError, match="malformed"):
+        decode_pose(ros_node().datagram(7, stamped((float("nan"), 0.0, 0.0), (0.0, 0.0, 0.0))))
+
+
+def test_the_sender_in_the_documentation_works():
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/trackers.md").read_text(), re.DOTALL)
+    assert len(code.strip().splitlines()) <= 10
+    tracker = StreamTracker()
+    looks = iter([(1.0, [0.1, 0.2, 0.03], 0.5), (1.01, [0.3, 0.2, 0.03], 0.6)])
+
+    names = {"look": lambda: next(looks)}
+    with pytest.raises(StopIteration):
+        exec(code.replace("5005", tracker.address.split(":")[1]), names)
+
+    pose = until(tracker, lambda seen: is_pose(seen) and seen.yaw_rad == 0.6)
+    tracker.close()
+    names["wire"].close()
+    assert pose.position_m == (0.3, 0.2, 0.03)
