@@ -61,7 +61,8 @@ class Parser(ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """End the program with one line and the status 2."""
         if message.startswith(_MISSING):
-            message = f"{message.removeprefix(_MISSING)} is missing; example: {self._example}"
+            names = message.removeprefix(_MISSING)
+            message = f"{names} {'are' if ',' in names else 'is'} missing; example: {self._example}"
         self.exit(2, f"{self.prog}: {' '.join(message.split())}\n")
 
     def _usage(self) -> str:
