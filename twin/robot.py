@@ -161,7 +161,9 @@ class TwinTracker:
         """Return the robot's pose now, with the forces on it where the engine tells them."""
         engine = self._driven.engine
         nodes_m = engine.nodes_m()
-        seen = np.concatenate([self._node_shares @ nodes_m, nodes_m.ravel(), engine.angles_rad()])
+        yaw_rad, *tilt_rad = engine.angles_rad()
+        heading_rad = math.remainder(yaw_rad, math.tau)  # trackers do not count turns
+        seen = np.concatenate([self._node_shares @ nodes_m, nodes_m.ravel(), [heading_rad, *tilt_rad]])
         numbers = (seen + self._noise * self.random.standard_normal(len(seen))).tolist()
         centre_m, *markers_m, angles_rad = zip(*(iter(numbers),) * 3, strict=True)
         return Pose(self._driven.now_s, centre_m, *angles_rad, tuple(markers_m), engine.forces())

@@ -21,7 +21,7 @@ from vvvaltr.controller.core.signals import interrupt_on_signals
 
 GROUPS = {
     "find a gait": ("learn", "trial", "landscape", "experiment"),
-    "drive the robot": ("repertoire", "go"),
+    "drive the robot": ("repertoire", "go", "jog"),
     "look at what was measured": ("view", "report", "export", "import"),
     "set a robot up": ("check", "calibrate", "camera", "track", "mock"),
     "this program": ("completion",),

@@ -121,6 +121,13 @@ class PrimitiveSettings(TrialSettings):
         return TrialSettings.guards(self) + ([self.watch] if self.watch else [])
 
 
+def primitive_settings(settings: TrialSettings, longest_s: float, watch: Guard) -> PrimitiveSettings:
+    """Return how a primitive is run: its end is not waited for, its heading is free, and ``watch`` ends it."""
+    common = {name: getattr(settings, name) for name in TrialSettings.__dataclass_fields__}
+    own = {"duration_s": longest_s, "heading_limit_rad": None, "rest_poses": 0}
+    return PrimitiveSettings(**{**common, **own}, watch=watch)
+
+
 @dataclass(slots=True)
 class Watch:
     """Ends a primitive at the goal, or where another movement is better by now."""
@@ -266,7 +273,7 @@ class Journey:
         watch = Watch(self._steersman, movement, goal, duration_s)
         suggestion, step = Suggestion(gait, ORIGIN), self._step(goal, way)
         try:
-            trial = run_trial(self._robot, gait, self._with(watch), number)
+            trial = run_trial(self._robot, gait, primitive_settings(self._settings, _LONGEST_S, watch), number)
         except TrialCrashed as crash:
             self._record(LoggedTrial(suggestion, crash.trial, None, None, steering=step))
             raise
@@ -289,11 +296,6 @@ class Journey:
             plan=tuple(self._steersman.gaits[movement] for movement, _ in way.steps),
         )
 
-    def _with(self, watch: Watch) -> PrimitiveSettings:
-        names = (name for name in TrialSettings.__dataclass_fields__)
-        common = {name: getattr(self._settings, name) for name in names}
-        return PrimitiveSettings(**{**common, "heading_limit_rad": None, "duration_s": _LONGEST_S}, watch=watch)
-
     def _take(self, logged: LoggedTrial) -> None:
         trial = logged.trial
         self.trials.append(logged)
@@ -306,9 +308,11 @@ class Journey:
                 f"{self._failures} primitives in a row failed, the last one so: {trial.outcome}: {trial.reason}"
             )
         self._steersman.learn(trial)
-        self._robot.clock.sleep(self._settings.settle_s)
         try:
             self._last = self._robot.tracker.pose()
+            if self._goals[self._reached].is_reached(where(self._last)):
+                self._robot.clock.sleep(self._settings.rest_s)
+                self._last = self._robot.tracker.pose()
         except TrackingLost as lost:
             self._last = trial.poses[-1] if trial.poses else self._last
             self._failures += 1

@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 _WANDER_M = 0.0015  # of the path about an even walk, after a second
 _WANDER_RAD = 0.03
 _DRIFT_SHARE = 0.35  # by which the drift of one gait differs from the floor's
-_TAIL = 4.0  # degrees of freedom of Student's t: one bad trial says little
+_TAIL = 4.0  # degrees of freedom of Student's t
+_BAD = 0.06  # share of bad trials
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,24 +70,37 @@ class Belief:
         added = np.concatenate([movements.ravel(), [drift_m_s, drift_m_s]])
         return replace(self, covariance=self.covariance + np.diag(added**2))
 
-    def observed(self, movement: int, seen: Passage) -> tuple[Belief, float]:
+    def observed(self, movement: int, seen: Passage, usual: Array | None = None) -> tuple[Belief, float]:
         """Return the belief after a driven gait, and the logarithm of how probable what was seen had been.
 
-        What is improbable counts less, as with noise of Student's distribution, so that one bad trial does no harm.
+        What is improbable counts less, as with noise of Student's distribution.
+
+        Args:
+            movement: which gait, counted from 0.
+            seen: what it did.
+            usual: usual size of forward, left and turn, shape (3,). With it a trial may be a bad one, in which a motor
+                did not turn or somebody touched the robot: it may do anything of this size, and teaches nothing.
         """
         index = self._index(movement)
         h, y, noise = _linear(seen)
         within = h[:, :3] * self.scatter[movement]
         drift = h[:, 3:] * _DRIFT_SHARE * float(np.hypot(*self.drift_m_s))
-        noise = noise + within @ within.T + drift @ drift.T
+        noise = noise + drift @ drift.T
         error = y - h @ self.mean[index]
         prior = h @ self.covariance[np.ix_(index, index)] @ h.T
-        expected = prior + noise
+        expected = prior + noise + within @ within.T
         surprise = float(error @ np.linalg.solve(expected, error))
-        log_density = _log_student(surprise, expected)
+        log_density = math.log(1.0 - _BAD) + _log_student(surprise, expected)
+        if usual is not None:
+            anything = h[:, :3] * usual
+            of_bad = noise + anything @ anything.T
+            away = y - h[:, 3:] @ self.drift_m_s
+            log_bad = math.log(_BAD) + _log_student(float(away @ np.linalg.solve(of_bad, away)), of_bad)
+            if log_bad > log_density:
+                return self, log_bad
         # Only the excess over what is usual for so many numbers is taken for an outlier.
         excess = max(1.0, (_TAIL + surprise) / (_TAIL + 2.0 * len(y)))
-        gain = np.linalg.solve(prior + excess * noise, h @ self.covariance[index]).T
+        gain = np.linalg.solve(prior + excess * (expected - prior), h @ self.covariance[index]).T
         covariance = self.covariance - gain @ (h @ self.covariance[index])
         return replace(self, mean=self.mean + gain @ error, covariance=0.5 * (covariance + covariance.T)), log_density
 

@@ -1,11 +1,16 @@
-"""What a repertoire from elsewhere is worth here: hypotheses, weighed by what they foretell of each driven gait.
+"""What a repertoire from elsewhere is worth here, and what it is worth after a change on the way.
 
-Each hypothesis says how the movements here come from those of the repertoire,
+Three hypotheses are weighed by what they foretell of each driven gait: that nothing has changed, that the floor is
+another one, that the body is. Each says how the movements now come from those before the change,
 
     v_i = c v0_i + own_i,    w_i = a w0_i + own_i
 
 with a complex factor c common to all movements (strength, and a turn of the robot's frame), a factor a of the turns,
-and a correction of each movement of its own; further how strong the floor's drift may be, and how fast all may change.
+and a correction of each movement of its own; further how strong the floor's drift may be. Each has a filter of its own.
+From one primitive to the next a change may occur: then a filter begins again from what the best one believes [1].
+
+[1] H. Blom, Y. Bar-Shalom, The interacting multiple model algorithm, IEEE Transactions on Automatic Control 33 (1988),
+    here with the most probable past in place of the mixture of all.
 """
 
 from __future__ import annotations
@@ -49,27 +54,27 @@ class Hypothesis:
     unrest: float
     drift_unrest: float
 
-    def belief(self, repertoire: Repertoire) -> Belief:
-        """Return what this hypothesis makes of the repertoire."""
-        known = repertoire.belief()
-        size = usual_size(repertoire.velocities)
-        v = known.movements
+    def changed(self, belief: Belief, size: Array) -> Belief:
+        """Return what is believed once the change has occurred; ``size`` is that of ``usual_size``."""
+        v = belief.movements
         common = np.zeros((3, *v.shape))
         common[0, :, :2], common[1, :, :2] = v[:, :2], np.stack([-v[:, 1], v[:, 0]], axis=1)
         common[2, :, 2] = v[:, 2]
         directions = common.reshape(3, -1) * self.common
-        covariance = self.factor**2 * known.covariance
+        covariance = self.factor**2 * belief.covariance
         covariance[:-2, :-2] += directions.T @ directions + np.diag(np.tile((self.own * size) ** 2, len(v)))
-        covariance[-2:, -2:] = (self.drift * size[0]) ** 2 * np.eye(2)
-        mean = np.append(self.factor * known.mean[:-2], known.mean[-2:])
-        return replace(known, mean=mean, covariance=covariance)
+        covariance[-2:, :-2] = covariance[:-2, -2:] = 0.0
+        covariance[-2:, -2:] = belief.covariance[-2:, -2:] + (self.drift * size[0]) ** 2 * np.eye(2)
+        mean = np.append(self.factor * belief.mean[:-2], belief.mean[-2:])
+        return replace(belief, mean=mean, covariance=covariance)
 
 
 HYPOTHESES = (
     Hypothesis("alike", 0.5, factor=1.0, common=0.1, own=0.05, drift=0.15, unrest=0.02, drift_unrest=0.02),
-    Hypothesis("floor", 0.3, factor=1.0, common=0.3, own=0.25, drift=1.0, unrest=0.04, drift_unrest=0.2),
-    Hypothesis("body", 0.2, factor=0.3, common=0.6, own=0.9, drift=0.5, unrest=0.08, drift_unrest=0.1),
+    Hypothesis("floor", 0.3, factor=1.0, common=0.3, own=0.25, drift=1.0, unrest=0.03, drift_unrest=0.15),
+    Hypothesis("body", 0.2, factor=0.3, common=0.6, own=0.9, drift=0.5, unrest=0.05, drift_unrest=0.1),
 )
+_UNCHANGED = 0  # of them, the one by which nothing happens on the way
 
 
 def usual_size(velocities: Array) -> Array:
@@ -86,7 +91,7 @@ class Knowledge:
         self._hypotheses = tuple(hypotheses)
         self._prior = np.array([hypothesis.weight for hypothesis in hypotheses]) / sum(h.weight for h in hypotheses)
         self._size = usual_size(repertoire.velocities)
-        self.beliefs = [hypothesis.belief(repertoire) for hypothesis in hypotheses]
+        self.beliefs = [hypothesis.changed(repertoire.belief(), self._size) for hypothesis in hypotheses]
         self.weights = self._prior.copy()
 
     @property
@@ -101,12 +106,17 @@ class Knowledge:
 
     def observe(self, movement: int, seen: Passage) -> None:
         """Learn from a driven primitive."""
-        log_weights = np.log((1.0 - _CHANGE) * self.weights + _CHANGE * self._prior)
-        shape = self.likely.movements.shape
+        best = int(np.argmax(self.weights))
+        stays, comes = (1.0 - _CHANGE) * self.weights, _CHANGE * self._prior * self.weights[best]
+        log_weights = np.log(stays + comes)
+        begun = self.beliefs[best]
         for index, hypothesis in enumerate(self._hypotheses):
-            changes = np.broadcast_to(hypothesis.unrest * self._size, shape)
-            aged = self.beliefs[index].aged(changes, hypothesis.drift_unrest * self._size[0])
-            self.beliefs[index], log_density = aged.observed(movement, seen)
+            belief = self.beliefs[index]
+            if index != best and comes[index] > stays[index]:
+                belief = begun if index == _UNCHANGED else hypothesis.changed(begun, self._size)
+            changes = np.broadcast_to(hypothesis.unrest * self._size, belief.movements.shape)
+            aged = belief.aged(changes, hypothesis.drift_unrest * self._size[0])
+            self.beliefs[index], log_density = aged.observed(movement, seen, self._size)
             log_weights[index] += log_density
         weights = np.exp(log_weights - log_weights.max())
         self.weights = weights / weights.sum()

@@ -100,7 +100,7 @@ def test_every_primitive_says_where_it_was_to_lead(repertoire: Repertoire) -> No
 
 
 def test_a_robot_that_does_not_move_is_stuck(repertoire: Repertoire) -> None:
-    ending, _ = sent(GlidingRobot({}), repertoire, Goal(0.2, 0.0))
+    ending, _ = sent(GlidingRobot(dict.fromkeys(GAITS, (1e-4, 0.0, 0.0))), repertoire, Goal(0.2, 0.0))
 
     assert not ending.reached
     assert ending.reason.startswith("stuck")
