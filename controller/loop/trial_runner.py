@@ -17,6 +17,7 @@ from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Command, Gait, MotorState, Outcome, Pose, Trial
 from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter, average_at_rest
 from vvvaltr.controller.loop.safety import Arena, Guard, HeadingGuard, make_arena_guard
+from vvvaltr.drivers.links.remote_clock import RemoteClock
 
 _LOG = logging.getLogger(__name__)
 
@@ -97,7 +98,7 @@ def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1
         poses=tuple(watch.poses),
         commands=tuple(watch.commands),
         states=tuple(watch.states),
-        conditions=Conditions(dropped_poses=watch.dropped_poses),
+        conditions=_describe_conditions(robot, watch.dropped_poses),
         start=watch.start,
         end=watch.end,
     )
@@ -105,6 +106,14 @@ def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1
     if trial.outcome is Outcome.CRASHED:
         raise TrialCrashed(trial) from problem
     return trial
+
+
+def _describe_conditions(robot: Robot, dropped_poses: int) -> Conditions:
+    """Return what can be told of a trial's conditions; trackers with a clock of their own know how late they are."""
+    clock = getattr(robot.tracker, "clock", None)
+    if not isinstance(clock, RemoteClock) or math.isnan(clock.offset_s):
+        return Conditions(dropped_poses=dropped_poses)
+    return Conditions(dropped_poses=dropped_poses, tracker_offset_s=clock.offset_s, tracker_jitter_s=clock.jitter_s)
 
 
 def _describe_ending(problem: Exception | KeyboardInterrupt | None) -> tuple[Outcome, str]:

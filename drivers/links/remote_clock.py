@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections import deque
 
 _DRIFT = 2e-4  # the greatest drift of two clocks against each other
@@ -19,17 +20,17 @@ class RemoteClock:
 
     @property
     def offset_s(self) -> float:
-        """What this computer's clock shows when the other one shows 0; infinite before the first message.
+        """The other clock minus this computer's; NaN before the first message.
 
-        It is too great by the time that the quickest message was under way.
+        It is too small by the time that the quickest message was under way.
         """
-        return self._offset_s
+        return -self._offset_s if math.isfinite(self._offset_s) else math.nan
 
     @property
     def jitter_s(self) -> float:
-        """How much later than the quickest message 95 % of the last messages come; NaN before the first one."""
-        delays_s = sorted(self._delays_s.copy())
-        return delays_s[int(0.95 * (len(delays_s) - 1))] if delays_s else math.nan
+        """Standard deviation of the times that the last messages were under way; NaN before the first one."""
+        delays_s = self._delays_s.copy()  # in one step, for another thread goes on to fill it
+        return statistics.pstdev(delays_s) if delays_s else math.nan
 
     def here_s(self, there_s: float, received_s: float) -> float:
         """Return when, on this computer's clock, the other clock showed ``there_s``.

@@ -68,8 +68,7 @@ class NewestPose:
             _log.info("the poses' clock restarted: frame %d follows frame %d", frame, self._frame)
             self.clock = RemoteClock()  # after a silence another sender may begin, at any number and time
         self._frame, self._sent_s, self._heard_s, self._hangs = frame, t_s, received_s, False
-        placed_s = self.clock.here_s(t_s, received_s)
-        self._newest = pose if isinstance(pose, str) else replace(pose, t_s=placed_s)
+        self._newest = pose if isinstance(pose, str) else replace(pose, t_s=self.clock.here_s(t_s, received_s))
         return True
 
     def take_body(

@@ -24,6 +24,9 @@ def test_a_mock_seen_through_a_tracker_is_learned_with(kind: str, tmp_path: Path
         times_s = [pose.t_s for pose in trial.poses]
         assert times_s == sorted(times_s)
         assert len(set(times_s)) > 20
+        assert abs(trial.conditions.tracker_offset_s or 1.0) < 0.1  # the mock's clock is this computer's
+        assert 0.0 < (trial.conditions.tracker_jitter_s or 1.0) < 0.05
+        assert (trial.poses[0].uncertainty_m is None) == (kind == "stream")
         assert all(0.0 < pose.position_m[2] < 0.3 for pose in trial.poses)  # upright, and in metres
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from vvvaltr.controller.robot.hardware import HardwareRobot
 
 _LOOK_PERIOD_S = 0.001
-LEAST_RATE_HZ, LONGEST_GAP_S, MOST_JITTER_S, MOST_NOISE_M = 20.0, 0.15, 0.06, 0.005
+LEAST_RATE_HZ, LONGEST_GAP_S, MOST_JITTER_S, MOST_NOISE_M = 20.0, 0.15, 0.03, 0.005
 _STEEP_RAD = math.radians(80.0)
 _PROMPT = "connect the tracker by cable, let it send each pose at once, and end other programs on this computer"
 _BURSTS, _REST_S, _BURST_S = 5, 0.6, 1.0
@@ -50,8 +50,8 @@ class Sight:
         noise_m: standard deviation of the position along the axis where it is greatest: at rest, the tracker's noise.
         noise_rad: standard deviation of the yaw.
         uncertainty_m: as the tracker tells it, on average.
-        offset_s: what this computer's clock shows when the tracker's shows 0.
-        jitter_s: how much later than the quickest 95 % of the poses come.
+        offset_s: the tracker's clock minus this computer's.
+        jitter_s: standard deviation of the poses' age on arrival.
         has_heading: whether the angles mean anything.
     """
 
@@ -124,7 +124,7 @@ def sight(looks: Sequence[Look], tracker: Tracker) -> Sight:
 
 
 def _jitter_s(delays_s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
-    return float(np.percentile(delays_s, 95.0) - delays_s.min()) if len(delays_s) else math.nan
+    return float(delays_s.std()) if len(delays_s) else math.nan
 
 
 def _has_heading(poses: Sequence[Pose], places: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> bool:
@@ -151,7 +151,7 @@ def problems(seen: Sight) -> tuple[Problem, ...]:
             Problem(what, "connect the tracker by cable, not by Wi-Fi, and end other programs on both computers")
         )
     if seen.jitter_s > MOST_JITTER_S:
-        what = f"poses come up to {1000.0 * seen.jitter_s:.0f} ms later than the quickest"
+        what = f"the poses' age on arrival scatters by {1000.0 * seen.jitter_s:.0f} ms"
         found.append(Problem(what, _PROMPT))
     if seen.noise_m > MOST_NOISE_M:
         what = f"the position scatters by {1000.0 * seen.noise_m:.1f} mm"
