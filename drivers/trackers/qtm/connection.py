@@ -104,6 +104,12 @@ class Conversation:
         frames = f"frequency:{rate_hz:.0f}" if rate_hz else "allframes"
         try:
             await self._connection.stream_frames(frames, ["6dres"], on_packet)
+        except QRTCommandException:
+            await self._stream_without_residual(frames, on_packet)
+
+    async def _stream_without_residual(self, frames: str, on_packet: Callable[[QRTPacket], None]) -> None:
+        try:
+            await self._connection.stream_frames(frames, ["6d"], on_packet)
         except QRTCommandException as error:
             raise Refusal(_words(error)) from None
 

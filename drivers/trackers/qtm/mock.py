@@ -43,6 +43,7 @@ class QtmFaults:
         versions: the versions of the protocol that it speaks.
         vertical: the axis that points upwards; empty for not telling.
         disabled: bodies that are switched off: they are named, and not in the frames.
+        has_residual: whether it can send residuals.
     """
 
     is_mute: bool = False
@@ -51,6 +52,7 @@ class QtmFaults:
     versions: tuple[str, ...] = (VERSION,)
     vertical: str = "+Z"
     disabled: tuple[str, ...] = ()
+    has_residual: bool = True
 
 
 @dataclass(eq=False)
@@ -59,6 +61,8 @@ class _Client:
 
     wire: socket.socket
     component: Component | None = None
+    period_s: float = 0.0
+    next_s: float = -math.inf
     lock: threading.Lock = field(default_factory=threading.Lock)
 
 
@@ -140,7 +144,8 @@ class QtmServer:
         enabled = [name for name in self.bodies if name not in self.faults.disabled]
         bodies = [body if name == self.bodies[-1] else _UNSEEN for name in enabled]
         for client in tuple(self._clients):
-            if client.component is not None:
+            if client.component is not None and t_s >= client.next_s:
+                client.next_s = max(client.next_s + client.period_s, t_s)
                 residual = (1000.0 * self.residual_m,) if client.component is Component.BODIES_WITH_RESIDUAL else ()
                 shown = [(*numbers, *residual) for numbers in bodies]
                 self._write(client, frame(round(1e6 * t_s), self._number, shown, client.component))
@@ -185,7 +190,8 @@ class QtmServer:
                 self._write(client, text(Kind.XML, self._parameters(what)))
             case ["streamframes", "stop"]:
                 client.component = None
-            case ["streamframes", _, kind] if kind in _COMPONENTS:
+            case ["streamframes", rate, kind] if kind in _COMPONENTS and (self.faults.has_residual or kind == "6d"):
+                client.period_s = 1.0 / float(rate.removeprefix("frequency:")) if rate != "allframes" else 0.0
                 client.component = _COMPONENTS[kind]  # the first frame is the answer
                 if not self._number:
                     self._write(client, packet(Kind.NO_MORE_DATA, b""))

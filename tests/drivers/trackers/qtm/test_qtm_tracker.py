@@ -4,6 +4,7 @@ import asyncio
 import math
 import socket
 import struct
+import sys
 import threading
 import time
 
@@ -15,7 +16,9 @@ from vvvaltr.controller.core.errors import LinkLost, UserError
 from vvvaltr.controller.core.values import Pose
 from vvvaltr.drivers.trackers.qtm.mock import QtmFaults, QtmServer
 from vvvaltr.drivers.trackers.qtm.protocol import Component, Event, Kind, frame, packet
+from vvvaltr.drivers.trackers.qtm.table import QtmTable
 from vvvaltr.drivers.trackers.qtm.tracker import QtmTracker
+from vvvaltr.drivers.trackers.registry import open_tracker
 
 AGE_LIMIT_S = 0.15
 
@@ -79,6 +82,36 @@ def test_poses_are_true_in_metres_and_radians_however_the_bytes_are_cut(server, 
             assert pose.uncertainty_m == pytest.approx(0.0002, rel=1e-6)
             time.sleep(0.01)
         tracker.close()
+
+
+def test_fewer_frames_are_sent_where_fewer_are_asked_for(server):
+    with moving(server):
+        tracker = track(server, rate_hz=20.0)
+        until(tracker, is_pose)
+        times_s = {seen_at_s(tracker) for _ in range(500)}
+        tracker.close()
+    assert 10 < len(times_s) < 35  # of 200 frames a second, in a second or so
+
+
+def seen_at_s(tracker: QtmTracker) -> float:
+    time.sleep(0.002)
+    return until(tracker, is_pose).t_s
+
+
+def test_a_qtm_that_cannot_tell_residuals_is_asked_for_poses_without(server):
+    server.faults.has_residual = False
+    with moving(server):
+        tracker = track(server)
+        pose = until(tracker, is_pose)
+        assert_true(pose)
+        assert pose.uncertainty_m is None
+        tracker.close()
+
+
+def test_without_the_client_library_the_message_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "qtm_rt", None)
+    with pytest.raises(UserError, match=r"pip install 'vvvaltr\[qtm\]'"):
+        open_tracker(QtmTable(host="127.0.0.1", body="robot"))
 
 
 def test_heading_goes_on_past_half_a_turn(server):
