@@ -39,6 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         parsed = make_parser().parse_args(arguments)
         log_to_standard_error(parsed)
+        _permit_urls(parsed)
         return _print(parsed.execute(parsed), as_json=parsed.json)
     except KeyboardInterrupt as interrupt:
         return _fail(f"interrupted ({interrupt})" if str(interrupt) else "interrupted", 130)
@@ -84,6 +85,13 @@ def make_parser(commands_help: str = argparse.SUPPRESS) -> Parser:
 def _command(name: str) -> Command:
     command: Command = importlib.import_module(f"vvvaltr.controller.cli.{MODULES.get(name, name)}").COMMAND
     return command
+
+
+def _permit_urls(parsed: argparse.Namespace) -> None:
+    if getattr(parsed, "allow_url", False):
+        from vvvaltr.drivers.links.local import PORTS
+
+        PORTS.allow_url = True
 
 
 def _commands_by_group() -> Details:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace, _ArgumentGroup
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -76,6 +76,7 @@ def add_robot_arguments(parser: ArgumentParser) -> None:
         help="a twin, planar or spatial, or a robot's file FILE.toml (default planar)",
     )
     group.add_argument("--seed", type=whole(0), metavar="N", help="seed of every random stream (default 0)")
+    _add_permission(group)
     twin = parser.add_argument_group("condition of a twin")
     twin.add_argument("--body", metavar="NAME", help="prism3 (default of planar) or icosahedron6 (default of spatial)")
     twin.add_argument(
@@ -134,6 +135,15 @@ def add_robot_file_arguments(parser: ArgumentParser) -> None:
     """Declare the robot's file, by its place or as an option."""
     parser.add_argument("robot_file", nargs="?", type=Path, metavar="ROBOT.toml", help="the robot's file")
     parser.add_argument("--robot", type=Path, metavar="FILE", help="the same, as an option")
+    _add_permission(parser)
+
+
+def _add_permission(parser: ArgumentParser | _ArgumentGroup) -> None:
+    parser.add_argument(
+        "--allow-url",
+        action="store_true",
+        help="let the robot's file name other ports than this computer's, such as socket://HOST:PORT",
+    )
 
 
 def chosen_robot_file(arguments: Namespace, command: str, purpose: str) -> Path | None:

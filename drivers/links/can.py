@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import can
 
 from vvvaltr.drivers.links.link import lost_link
+from vvvaltr.drivers.links.local import PORTS, SERIAL_INTERFACES, claim_bus, claim_port, serial_port_of
 
 _log = logging.getLogger(__name__)
 
@@ -33,22 +34,47 @@ class Frame:
     is_remote: bool = False
 
 
+class Closing(Protocol):
+    """A claim on a bus."""
+
+    def close(self) -> None:
+        """Give it up."""
+        ...
+
+
 class CanLink:
     """A CAN bus.
 
     Args:
         interface, channel, bitrate: as python-can names them.
         options: further arguments for the interface.
+        is_mock: whether it is the device's end, which shares the bus with the controller's; a person named the bus.
 
     Raises:
+        NotUnderstood: the bus is not one of this computer, or an option could lead elsewhere.
+        DeviceError: another program drives the bus.
         LinkLost: the bus could not be opened.
     """
 
-    def __init__(self, interface: str, channel: str, bitrate: int, options: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        interface: str,
+        channel: str,
+        bitrate: int,
+        options: Mapping[str, Any] | None = None,
+        is_mock: bool = False,
+    ) -> None:
         self._name = f"{interface}:{channel}"
+        self._claim: Closing | None = None
         chosen = {**(_SLCAN if interface == "slcan" else {}), **(options or {})}
-        with lost_link(self._name, *_SYMPTOMS, ImportError):
-            self._bus = can.Bus(interface=interface, channel=channel, bitrate=bitrate, **chosen)
+        with ExitStack() as undo, lost_link(self._name, *_SYMPTOMS, ImportError):
+            undo.callback(self._release)
+            if not is_mock:
+                PORTS.check_bus(interface, channel, options or {})
+                self._claim = _claim(interface, channel)
+            # The person's own configuration of python-can must not change what the robot's file says.
+            self._bus = can.Bus(interface=interface, channel=channel, bitrate=bitrate, ignore_config=True, **chosen)
+            undo.pop_all()
         self.garbled = 0
 
     @property
@@ -103,3 +129,16 @@ class CanLink:
         # After unplugging, python-can gives up before it has closed the port beneath slcan.
         with suppress(AttributeError, OSError, *_SYMPTOMS):
             self._bus.serialPortOrig.close()  # type: ignore[attr-defined]
+        self._release()
+
+    def _release(self) -> None:
+        if self._claim is not None:
+            self._claim.close()
+            self._claim = None
+
+
+def _claim(interface: str, channel: str) -> Closing | None:
+    """Keep other programs from the bus. Raises DeviceError or OSError."""
+    if interface in SERIAL_INTERFACES and "://" not in channel:
+        return claim_port(serial_port_of(channel))
+    return claim_bus(interface, channel)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Protocol
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceTimeout, LinkLost
+from vvvaltr.drivers.links.trouble import explain
 
 
 class Link(Protocol):
@@ -72,6 +73,4 @@ def lost_link(name: str, *symptoms: type[Exception]) -> Iterator[None]:
     except DeviceError:
         raise  # some are OSErrors too, but they name the cause already
     except kinds as error:
-        raise LinkLost(
-            f"{name}: the line is lost or cannot be opened ({error}); check cable, port and permissions"
-        ) from error
+        raise LinkLost(explain(name, error)) from error

@@ -1,4 +1,4 @@
-"""A serial line, by pyserial: a device file, a pty, or any URL that pyserial supports (``socket://``, ``spy://``)."""
+"""A serial line, by pyserial: a device file or a pty; other addresses that pyserial knows only where allowed."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import serial
 
 from vvvaltr.controller.core.errors import LinkLost
 from vvvaltr.drivers.links.link import lost_link
+from vvvaltr.drivers.links.local import PORTS
 
 # What an unplugged line raises besides OSError: `flush` and set-up; a file number that has become None.
 _SYMPTOMS = (serial.SerialException, termios.error, TypeError)
@@ -20,17 +21,20 @@ class SerialLink:
     """A serial line with eight data bits, no parity, one stop bit.
 
     Args:
-        port: device file or pyserial URL.
+        port: device file; see ``local`` for addresses.
         baud: bits per second.
 
     Raises:
+        NotUnderstood: the port is not a serial port of this computer.
         LinkLost: there is no such port, it may not be opened, or another program has it.
     """
 
     def __init__(self, port: str, baud: int) -> None:
         self._name = port
         with lost_link(port, *_SYMPTOMS):
-            self._serial = serial.serial_for_url(port, baud, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True)
+            PORTS.check_port(port)
+            open_port = serial.serial_for_url if "://" in port else serial.Serial
+            self._serial = open_port(port, baud, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True)
 
     @property
     def name(self) -> str:

@@ -141,7 +141,7 @@ class BusPort:
     """A ``Port`` on a CAN bus of python-can, for a device behind slcan text."""
 
     def __init__(self, interface: str, channel: str, bitrate: int, options: Mapping[str, Any] | None = None) -> None:
-        self._open: Callable[[], CanLink] = lambda: CanLink(interface, channel, bitrate, options)
+        self._open: Callable[[], CanLink] = lambda: CanLink(interface, channel, bitrate, options, is_mock=True)
         self._link: CanLink | None = self._open()
         self.name = self._link.name
         self._text = bytearray()
