@@ -2,6 +2,8 @@
 
 import importlib.util
 import re
+import socket
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -44,6 +46,38 @@ def test_the_ros_node_sends_what_the_tracker_understands(angles):
 def test_the_ros_node_never_sends_what_is_no_number_as_a_pose():
     with pytest.raises(ValueError, match="malformed"):
         decode_pose(ros_node().datagram(7, stamped((float("nan"), 0.0, 0.0), (0.0, 0.0, 0.0))))
+
+
+def test_the_ros_node_forwards_what_it_subscribes_to(monkeypatch):
+    """With a stand-in for ROS that has what the node calls, and delivers one message."""
+    tracker = StreamTracker()
+    host, port = tracker.address.split(":")
+    asked = {"topic": "/wand/pose", "host": host, "port": int(port)}
+    subscribed, wires = {}, []
+    node = SimpleNamespace(
+        declare_parameter=lambda name, default: SimpleNamespace(value=asked[name]),
+        create_subscription=lambda kind, topic, callback, qos: subscribed.update({topic: callback}),
+    )
+    rclpy = SimpleNamespace(
+        init=lambda: None,
+        create_node=lambda name: node,
+        spin=lambda node: subscribed["/wand/pose"](stamped((0.1, 0.2, 0.3), (0.5, 0.0, 0.0))),
+    )
+    for name, module in {
+        "rclpy": rclpy,
+        "rclpy.qos": SimpleNamespace(qos_profile_sensor_data=None),
+        "geometry_msgs": SimpleNamespace(),
+        "geometry_msgs.msg": SimpleNamespace(PoseStamped=object),
+    }.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    make = socket.socket
+    monkeypatch.setattr(socket, "socket", lambda *kind: wires.append(make(*kind)) or wires[-1])
+
+    ros_node().main()
+
+    assert until(tracker, is_pose).yaw_rad == pytest.approx(0.5)
+    tracker.close()
+    wires[0].close()
 
 
 def test_the_sender_in_the_documentation_works():
