@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from vvvaltr.drivers.trackers.camera.lens import Array
 
-_PLACES = 24  # on each side
-_SPAN = np.linspace(0.12, 0.88, _PLACES)  # of a side; near its ends the other side's blur is seen
+_PLACES = 32  # on each side
+_SPAN = np.linspace(0.06, 0.94, _PLACES)  # of a side; near its ends the other side's blur is seen
 _STEP_PX = 0.5
 _REACH = 0.095  # across a side, as a share of it: the black frame is an eighth of it wide
 _OUTWARD_PX = 1.0  # the detector's contour runs on black pixels

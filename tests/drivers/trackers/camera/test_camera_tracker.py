@@ -192,3 +192,20 @@ def test_the_robots_centre_is_told_from_a_tag_that_is_mounted_aside():
     seen = Sighting(1.0, 2.0, math.pi / 2.0, 0.0, None)
     tag = TagTable(size_m=0.04, height_m=0.06, x_m=0.1, y_m=0.02, yaw_rad=math.pi / 2.0)
     assert robot_place(seen, tag) == (pytest.approx(0.9), pytest.approx(1.98), pytest.approx(0.0))
+
+
+def test_no_pose_is_held_or_invented_while_the_robot_is_hidden(mock, tracker):
+    """A quick form of the thousand occlusions of ``benchmarks.camera``."""
+    for _ in range(5):
+        mock[1].is_hidden, hidden_s = True, time.monotonic()
+        found = []
+        while time.monotonic() < hidden_s + mock[0].age_limit_s + 0.2:
+            try:
+                found.append(tracker.pose())
+            except TrackingLost:
+                found.append(None)
+            time.sleep(0.01)
+        assert found[-1] is None
+        assert all(pose is None or pose.t_s < hidden_s + 0.05 for pose in found)
+        mock[1].is_hidden = False
+        until(tracker, is_pose)
