@@ -104,10 +104,14 @@ class Steersman:
 
     @staticmethod
     def _drawn(belief: Belief, random: np.random.Generator) -> tuple[Array, Array]:
-        velocities, drift = belief.drawn(random)
-        return belief.movements + _DARING * (velocities - belief.movements), belief.drift_m_s + _DARING * (
-            drift - belief.drift_m_s
-        )
+        """Return movements and drift as they may be: what is as good as unknown may be hoped to be good.
+
+        What is known as well as one trial could tell is taken for its mean.
+        """
+        drawn, _ = belief.drawn(random)
+        known = (belief.scatter / belief.deviations) ** 2
+        hope = _DARING * np.sqrt(np.maximum(1.0 - known, 0.0))
+        return belief.movements + hope * (drawn - belief.movements), belief.drift_m_s
 
 
 @dataclass(frozen=True, slots=True)
