@@ -103,7 +103,8 @@ class CameraTracker:
     def _listen(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            self._take(msgspec.json.decode(line, type=messages.News))
+            if line.endswith(b"\n"):  # a process that was killed may leave half a line
+                self._take(msgspec.json.decode(line, type=messages.News))
         self._end("the camera's process has ended")
 
     def _take(self, news: messages.News) -> None:
