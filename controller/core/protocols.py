@@ -13,6 +13,7 @@ from vvvaltr.controller.core.values import (
     Estimate,
     Gait,
     MotorState,
+    Photo,
     Pose,
     Quantity,
     Recommendation,
@@ -69,6 +70,15 @@ class Tracker(Protocol):
         Raises:
             TrackingLost: there is none that is fresh and trustworthy. Never a stale or made-up pose.
         """
+        ...
+
+
+@runtime_checkable
+class Photographer(Protocol):
+    """A tracker that keeps some of its pictures, to be looked at later."""
+
+    def take_photos(self) -> tuple[Photo, ...]:
+        """Return the pictures since the last call, in order."""
         ...
 
 

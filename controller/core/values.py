@@ -263,6 +263,19 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Photo:
+    """A picture of a tracker's camera.
+
+    Args:
+        t_s: when it was taken, on the robot's clock; in a trial since the drive began.
+        jpeg: the picture as a JPEG file.
+    """
+
+    t_s: float
+    jpeg: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class Trial:
     """One gait, driven once. Times within are in seconds since the drive began.
 
@@ -279,6 +292,7 @@ class Trial:
         conditions: battery, session, tracker: what else was read.
         start: where the robot lay before the drive; None where only the first pose tells.
         end: where it lay once the motors had run down; None where only the last pose tells.
+        photos: what the tracker's camera saw, where it keeps pictures.
 
     Raises:
         ValueError: a time is not finite.
@@ -296,6 +310,7 @@ class Trial:
     conditions: Conditions = field(default_factory=Conditions)
     start: RestingPose | None = None
     end: RestingPose | None = None
+    photos: tuple[Photo, ...] = ()
 
     def __post_init__(self) -> None:
         check_finite(started_unix_s=self.started_unix_s, duration_s=self.duration_s)

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 
 from vvvaltr.controller.core.conditions import Conditions
 from vvvaltr.controller.core.errors import DeviceError, DeviceTimeout, LinkLost, SafetyStop, TrackingLost
-from vvvaltr.controller.core.protocols import Robot
+from vvvaltr.controller.core.protocols import Photographer, Robot
 from vvvaltr.controller.core.resting import RestingPose
-from vvvaltr.controller.core.values import Command, Gait, MotorState, Outcome, Pose, Trial
+from vvvaltr.controller.core.values import Command, Gait, MotorState, Outcome, Photo, Pose, Trial
 from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter, average_at_rest
 from vvvaltr.controller.loop.safety import Arena, Guard, HeadingGuard, make_arena_guard
 from vvvaltr.drivers.links.remote_clock import RemoteClock
@@ -101,6 +101,7 @@ def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1
         conditions=_describe_conditions(robot, watch.dropped_poses),
         start=watch.start,
         end=watch.end,
+        photos=watch.take_photos(),
     )
     _LOG.info("trial %d: %s after %.2f s %s", number, trial.outcome, trial.duration_s, trial.reason)
     if trial.outcome is Outcome.CRASHED:
@@ -213,6 +214,13 @@ class _Watch:
         state = self._robot.motors.state()
         self.states.append(replace(state, t_s=self._since_begin(state.t_s)))
         self._look_at_pose()
+
+    def take_photos(self) -> tuple[Photo, ...]:
+        """Return the pictures of the drive, where the tracker keeps any."""
+        tracker = self._robot.tracker
+        taken = tracker.take_photos() if isinstance(tracker, Photographer) else ()
+        photos = (replace(photo, t_s=self._since_begin(photo.t_s)) for photo in taken)
+        return tuple(photo for photo in photos if photo.t_s >= 0.0)
 
     def _check_held(self) -> None:
         """Raise DeviceTimeout if the last command has run out: the motors stood still in the middle of the trial."""

@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any, Self, cast
 
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.message import DecodeError, Message
 from mcap.writer import CompressionType, Writer
@@ -23,7 +24,7 @@ from vvvaltr import __version__
 from vvvaltr.controller.core.disk import sync_folder
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import Command, MotorState, Pose, Source, Structure, Suggestion, Trial
+from vvvaltr.controller.core.values import Command, MotorState, Photo, Pose, Source, Structure, Suggestion, Trial
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
@@ -37,6 +38,7 @@ _KINDS: dict[str, type[Message]] = {
     "/optimizer/suggestion": pb.Suggestion,
     "/robot/pose": PoseInFrame,
     "/robot/tracking": pb.Tracking,
+    "/tracker/picture": CompressedImage,
     "/motors/command": pb.Command,
     "/motors/state": pb.MotorState,
     "/trial": pb.Trial,
@@ -170,6 +172,10 @@ class RunLog:
             ("/motors/command", origin_ns + _ns(each.t_s), codec.encode_command(each)) for each in trial.commands
         ]
         messages += [("/motors/state", origin_ns + _ns(each.t_s), codec.encode_state(each)) for each in trial.states]
+        began_ns = _ns(trial.started_unix_s)
+        for photo in trial.photos:
+            at_ns = origin_ns + _ns(photo.t_s)
+            messages.append(("/tracker/picture", at_ns, codec.encode_photo(photo, began_ns)))
         messages.append(("/trial", end_ns, encode_trial(logged)))
         self._end_ns = end_ns
         return messages
@@ -195,7 +201,12 @@ def find_trial_span_ns(trial: Trial, after_ns: int) -> tuple[int, int]:
     the end of the last one (``after_ns``), whichever is later.
     """
     begin_ns = max(_ns(trial.started_unix_s), after_ns)
-    recorded: Iterable[Pose | Command | MotorState] = (*trial.poses, *trial.commands, *trial.states)
+    recorded: Iterable[Pose | Command | MotorState | Photo] = (
+        *trial.poses,
+        *trial.commands,
+        *trial.states,
+        *trial.photos,
+    )
     return begin_ns, begin_ns + _ns(max((trial.duration_s, *(each.t_s for each in recorded))))
 
 
@@ -235,6 +246,7 @@ class _Contents:
     poses: list[Pose] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     states: list[MotorState] = field(default_factory=list)
+    pictures: list[CompressedImage] = field(default_factory=list)
     trials: list[LoggedTrial] = field(default_factory=list)
 
     def take(self, topic: str, payload: bytes) -> None:
@@ -250,6 +262,8 @@ class _Contents:
                 self.commands.append(codec.decode_command(pb.Command.FromString(payload)))
             case "/motors/state":
                 self.states.append(codec.decode_state(pb.MotorState.FromString(payload)))
+            case "/tracker/picture":
+                self.pictures.append(CompressedImage.FromString(payload))
             case "/trial":
                 self._end_trial(pb.Trial.FromString(payload))
 
@@ -270,8 +284,11 @@ class _Contents:
         if self.suggestion is None:
             raise ValueError(f"trial {message.number} has no suggestion")
         logged = decode_trial(message, self.suggestion, self.poses, self.commands, self.states)
+        began_ns = _ns(logged.trial.started_unix_s)
+        photos = tuple(codec.decode_photo(picture, began_ns) for picture in self.pictures)
+        logged = replace(logged, trial=replace(logged.trial, photos=photos))
         self.trials.append(_with_movement(logged) if self.format == 1 else logged)
-        self.suggestion, self.poses, self.commands, self.states = None, [], [], []
+        self.suggestion, self.poses, self.commands, self.states, self.pictures = None, [], [], [], []
 
 
 def _with_movement(logged: LoggedTrial) -> LoggedTrial:

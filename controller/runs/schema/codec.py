@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from itertools import chain
 from math import cos, sin
 
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Pose_pb2 import Pose as FoxglovePose
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
@@ -24,6 +25,7 @@ from vvvaltr.controller.core.values import (
     Gait,
     MotorState,
     Phase,
+    Photo,
     Pose,
     Source,
     Structure,
@@ -204,6 +206,28 @@ def encode_pose(pose: Pose, time_ns: int) -> PoseInFrame:
         frame_id="world",
         pose=FoxglovePose(position=Vector3(x=x_m, y=y_m, z=z_m), orientation=Quaternion(x=x, y=y, z=z, w=w)),
     )
+
+
+def encode_photo(photo: Photo, began_ns: int) -> CompressedImage:
+    """Return a picture as viewers show it unaided.
+
+    Args:
+        photo: the picture.
+        began_ns: what its time counts from, in nanoseconds since 1970.
+    """
+    time_ns = began_ns + round(photo.t_s * 1e9)
+    return CompressedImage(
+        timestamp=Timestamp(seconds=time_ns // 10**9, nanos=time_ns % 10**9),
+        frame_id="camera",
+        data=photo.jpeg,
+        format="jpeg",
+    )
+
+
+def decode_photo(message: CompressedImage, began_ns: int) -> Photo:
+    """Return the picture of a message, its time counted from ``began_ns``, to the microsecond."""
+    time_ns = message.timestamp.seconds * 10**9 + message.timestamp.nanos
+    return Photo(round((time_ns - began_ns) / 1e9, 6), message.data)
 
 
 def to_quaternion(pose: Pose) -> tuple[float, float, float, float]:

@@ -8,17 +8,19 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 
 import msgspec
 
 from vvvaltr.controller.core.errors import TrackingLost, UserError
-from vvvaltr.controller.core.values import Pose
+from vvvaltr.controller.core.values import Photo, Pose
 from vvvaltr.drivers.trackers.camera import messages
 from vvvaltr.drivers.trackers.camera.table import CameraTable
 
 _WATCHER = "vvvaltr.drivers.trackers.camera.watcher"
 _PATIENCE_S = 30.0  # with a camera that opens
 _LEAVE_S = 2.0
+_MOST_PHOTOS = 600  # ten minutes of pictures that nobody takes
 _QUIET = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -52,7 +54,7 @@ class CameraTracker:
         # The newest pose, or why there is none: one attribute, for two threads share it.
         self._newest: Pose | str = "no picture has been seen yet"
         self._unseen, self._is_over = "", False
-        self.picture: messages.Kept | None = None
+        self._photos: deque[Photo] = deque(maxlen=_MOST_PHOTOS)
         command = [sys.executable, "-P", "-m", _WATCHER]
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env={**os.environ, **_QUIET})
@@ -75,6 +77,10 @@ class CameraTracker:
             limit = f"the last pose is {age_s:.2f} s old; the limit is {self._table.age_limit_s:g} s"
             raise TrackingLost(f"{self._unseen}; {limit}" if self._unseen else limit)
         return newest
+
+    def take_photos(self) -> tuple[Photo, ...]:
+        """Return the pictures kept since the last call: one a second, unless the table says none."""
+        return tuple(self._photos.popleft() for _ in range(len(self._photos)))
 
     def close(self) -> None:
         """Let go of the camera. Idempotent."""
@@ -118,7 +124,7 @@ class CameraTracker:
                 if isinstance(self._newest, str):
                     self._newest = news.reason
             case messages.Kept():
-                self.picture = news
+                self._photos.append(Photo(news.t_s, news.jpeg))
             case messages.Ready():
                 self._answer = news
                 self._opened.set()

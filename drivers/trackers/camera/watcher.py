@@ -25,7 +25,7 @@ from vvvaltr.drivers.trackers.camera.table import CameraTable, TagTable
 from vvvaltr.drivers.trackers.camera.tags import Picture
 
 _KEEP_S = 1.0  # between two pictures that are kept
-_JPEG_QUALITY = 80
+_JPEG_QUALITY = 70
 
 
 def main() -> None:

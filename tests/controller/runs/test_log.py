@@ -41,6 +41,7 @@ from vvvaltr.controller.core.values import (
     MotorState,
     Outcome,
     Phase,
+    Photo,
     Pose,
     Recommendation,
     Suggestion,
@@ -127,6 +128,7 @@ trials = st.builds(
     st.builds(Conditions, maybe, maybe, st.booleans(), counts, maybe, maybe),
     st.none() | rests,
     st.none() | rests,
+    lists(st.builds(Photo, st.integers(0, 10**10).map(lambda us: us / 1e6), st.binary(max_size=20))),
 )
 texts = st.text(max_size=5)
 names_and_numbers = st.dictionaries(texts, numbers, max_size=3)

@@ -110,11 +110,22 @@ def test_a_hidden_robot_is_lost_with_the_reason_and_found_again(mock, tracker):
 
 
 def test_a_picture_a_second_is_kept(tracker):
-    deadline_s = time.monotonic() + 5.0
-    while tracker.picture is None and time.monotonic() < deadline_s:
-        time.sleep(0.01)
-    assert tracker.picture.jpeg.startswith(b"\xff\xd8")
-    assert 0.0 <= time.monotonic() - tracker.picture.t_s < 2.0
+    tracker.take_photos()
+    time.sleep(2.2)
+    photos = tracker.take_photos()
+    assert len(photos) in (2, 3)
+    assert all(photo.jpeg.startswith(b"\xff\xd8") for photo in photos)
+    assert photos[1].t_s - photos[0].t_s == pytest.approx(1.0, abs=0.2)
+    assert tracker.take_photos() == ()
+
+
+def test_no_picture_is_kept_where_the_file_says_so(mock):
+    mock[1].is_hidden = False
+    tracker = CameraTracker(with_changes(mock, pictures=False))
+    until(tracker, is_pose)
+    time.sleep(1.1)
+    assert tracker.take_photos() == ()
+    tracker.close()
 
 
 def test_when_its_process_dies_the_robot_is_lost(tracker):
