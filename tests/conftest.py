@@ -65,6 +65,15 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
         item.add_marker(pytest.mark.flaky(reruns=2, condition=config.stash[_canary].was_held_up))
+        if _is_in_real_time(item):  # one at a time, where several processes share the tests
+            item.add_marker(pytest.mark.xdist_group("real time"))
+
+
+def _is_in_real_time(item: pytest.Item) -> bool:
+    """Return whether a test deals with devices, other processes or signals, and so needs a processor for itself."""
+    folders = ("drivers", "contract", "robot")
+    module = vars(item.module) if isinstance(item, pytest.Function) else {}
+    return any(folder in item.path.parts for folder in folders) or bool({"MockProcess", "subprocess"} & set(module))
 
 
 @pytest.hookimpl(tryfirst=True)

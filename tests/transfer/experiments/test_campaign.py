@@ -223,7 +223,7 @@ def test_a_campaign_that_has_just_begun_has_found_nothing(tmp_path: Path) -> Non
     store = Store.begin(tmp_path / "new", QUICK)
 
     assert gather_findings(store) == ()
-    with pytest.raises(ValueError, match="no repeat"):
+    with pytest.raises(UserError, match="no repeat"):
         write_report(store)
 
 
