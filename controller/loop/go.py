@@ -34,6 +34,8 @@ _FIRST_LOOK_S = 1.0  # into a primitive, before which its own velocity is not kn
 _BETWEEN_S = 0.4
 _DARING = 0.5  # share of what is not known that a plan may hope for
 _PATIENCE = 3  # failed primitives in a row after which somebody has to look at the robot
+_USELESS_IN_A_ROW = 5  # plans, each with other hopes of what is not known
+_GAIN_M, _GAIN_RAD = 0.002, 0.02
 _STUCK_M, _STUCK_RAD, _STUCK_S = 0.008, 0.15, 40.0
 
 
@@ -203,7 +205,7 @@ class Journey:
         self.trials: list[LoggedTrial] = []
         self._reached = 0
         self._spent_s = 0.0
-        self._failures = 0
+        self._failures = self._useless = 0
         self._reason = ""
         self._last = Pose(0.0, (0.0, 0.0, 0.0))
 
@@ -269,8 +271,9 @@ class Journey:
         goal = self._goals[self._reached]
         self._steersman.begin(number)
         way = self._steersman.plan(where(self._last), goal)
-        if not way.steps:
-            self._reason = "no movement of the repertoire brings the robot nearer; try more gaits"
+        self._useless = 0 if self._helps(way, goal) else self._useless + 1
+        if not way.steps or self._useless >= _USELESS_IN_A_ROW:
+            self._reason = "no movement of the repertoire brings the robot nearer; try more gaits by vvvaltr repertoire"
             return None
         movement, duration_s = way.steps[0]
         gait = self._steersman.gaits[movement]
@@ -287,6 +290,15 @@ class Journey:
         self._record(logged)
         self._take(logged)
         return logged
+
+    def _helps(self, way: Plan, goal: Goal) -> bool:
+        """Whether a plan ends nearer to the goal, or nearer to its heading, than the robot is now."""
+        if not way.steps:
+            return False
+        x_m, y_m, yaw_rad = way.poses[-1]
+        now = where(self._last)
+        gained_m = float(goal.distance_m(now[0], now[1]) - goal.distance_m(x_m, y_m))
+        return gained_m > _GAIN_M or float(goal.turn_rad(now[2]) - goal.turn_rad(yaw_rad)) > _GAIN_RAD
 
     def _step(self, goal: Goal, way: Plan) -> SteeringStep:
         """Return for the log why the first movement of a plan is driven."""

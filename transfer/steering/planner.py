@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 DURATIONS_S = (1.0, 1.5, 2.2, 3.2, 4.5, 6.5, 9.0)
-_WIDTH = 96
+_FIRST_WIDTH, _WIDTH = 320, 96  # sequences that are kept: all of one movement, for repertoires of the usual size
 _DEPTH = 4
 _SIDEWAYS = 0.6  # of a movement's deviation that stopping at the best point cannot make good
 
@@ -160,7 +160,7 @@ def plan(
     nodes = _Nodes.at(start, search)
     layers: list[_Nodes] = [nodes]
     for depth in range(_DEPTH):
-        width = len(first.movement) if depth == 0 else _WIDTH
+        width = _FIRST_WIDTH if depth == 0 else _WIDTH
         nodes = search.expanded(nodes, first if depth == 0 else menu, width)
         layers.append(nodes)
         if not len(nodes.cost_s):

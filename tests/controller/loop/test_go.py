@@ -175,3 +175,11 @@ def test_gaits_of_the_repertoire_alone_are_driven(repertoire: Repertoire) -> Non
     _, recorded = sent(GlidingRobot(), repertoire, Goal(0.2, -0.1))
 
     assert {logged.trial.gait for logged in recorded} <= set(GAITS)
+
+
+def test_a_floor_that_carries_the_robot_away_faster_than_it_walks_is_given_up(repertoire: Repertoire) -> None:
+    ending, _ = sent(GlidingRobot(drift_m_s=(-0.06, 0.0)), repertoire, Goal(0.3, 0.0))
+
+    assert not ending.reached
+    assert ending.reason.startswith("no movement")
+    assert ending.duration_s < 60.0
