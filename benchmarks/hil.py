@@ -34,7 +34,7 @@ from vvvaltr.controller.robot.robot_file import TrialTable, load_robot_file
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 
 ON = Gait((9.0, -12.0, 15.0))
-_VVVALTR = "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())"
+_VVVALTR = "from vvvaltr.entry import main; main()"
 _CONTROLLER = """
 import sys, time
 from pathlib import Path

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from argparse import ArgumentParser, Namespace
 from contextlib import closing
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number
-from vvvaltr.controller.cli.telling import bar
+from vvvaltr.controller.cli.telling import bar, say_above
 from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
@@ -90,7 +89,7 @@ def _go(run: GoRun, arguments: Namespace) -> None:
             trial = logged.trial
             progress.update()
             if not trial.outcome.is_valid:
-                progress.write(f"primitive {trial.number}: {trial.outcome}: {trial.reason}", sys.stderr)
+                say_above(progress, f"primitive {trial.number}: {trial.outcome}: {trial.reason}")
             elif logged.steering is not None:
                 x_m, y_m, _ = trial.poses[-1].position_m
                 left_m = math.hypot(x_m - logged.steering.goal_m[0], y_m - logged.steering.goal_m[1])

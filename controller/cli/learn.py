@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Sequence
@@ -22,7 +21,7 @@ from vvvaltr.controller.cli.options import (
     whole,
 )
 from vvvaltr.controller.cli.rerun_extra import has_rerun, require_rerun
-from vvvaltr.controller.cli.telling import bar, say
+from vvvaltr.controller.cli.telling import bar, say, say_above
 from vvvaltr.controller.core.errors import UserError
 
 if TYPE_CHECKING:
@@ -118,9 +117,7 @@ def _learn(run: RunDirectory, observers: Sequence[Observer], arguments: Namespac
         )
         for logged in run.learn(observers):
             if logged.score is None:
-                progress.write(
-                    f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}", sys.stderr
-                )
+                say_above(progress, f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}")
             else:
                 progress.set_postfix_str(f"{1000 * logged.score:.1f} mm/s", refresh=False)
                 progress.update()

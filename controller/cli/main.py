@@ -17,6 +17,7 @@ from vvvaltr.controller.cli.answer import Answer, Command
 from vvvaltr.controller.cli.parser import Details, Parser
 from vvvaltr.controller.cli.telling import add_telling_arguments, log_to_standard_error
 from vvvaltr.controller.core.errors import DeviceError, NotUnderstood, TrackingLost, UserError
+from vvvaltr.controller.core.printable import printable
 from vvvaltr.controller.core.signals import interrupt_on_signals
 
 GROUPS = {
@@ -37,23 +38,41 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     parsed = argparse.Namespace(debug=False)
     try:
+        _refuse_broken_names(sys.argv[1:] if arguments is None else arguments)
         parsed = make_parser().parse_args(arguments)
         log_to_standard_error(parsed)
         _permit_urls(parsed)
         return _print(parsed.execute(parsed), as_json=parsed.json)
-    except KeyboardInterrupt as interrupt:
+    except (KeyboardInterrupt, Exception) as error:
+        return _tell_end(error, show_traceback=parsed.debug)
+
+
+def _tell_end(error: BaseException, show_traceback: bool) -> int:
+    """Tell in one line what ended the command; return the exit status."""
+    if (interrupt := _find_interrupt(error)) is not None:
         return _fail(f"interrupted ({interrupt})" if str(interrupt) else "interrupted", 130)
-    except NotUnderstood as error:
-        return _fail(str(error), 2)
-    except (UserError, DeviceError, TrackingLost) as error:
-        return _fail(str(error), 1)
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of our output has ended; the interpreter would complain at exit
-        return 1
-    except OSError as error:
-        return _fail(_refusal(error), 1)
-    except Exception as error:  # the last boundary: a defect of ours, told in one line
-        return _fail(_defect(error, show_traceback=parsed.debug), 1)
+    match error:
+        case NotUnderstood():
+            return _fail(str(error), 2)
+        case UserError() | DeviceError() | TrackingLost():
+            return _fail(str(error), 1)
+        case BrokenPipeError():
+            sys.stderr.close()  # the reader of our output has ended; the interpreter would complain at exit
+            return 1
+        case OSError():
+            return _fail(_refusal(error), 1)
+        case UnicodeEncodeError():
+            return _fail(_broken_name(error), 2)
+    return _fail(_defect(error, show_traceback), 1)  # the last boundary: a defect of ours
+
+
+def _find_interrupt(error: BaseException | None) -> KeyboardInterrupt | None:
+    """Return the interrupt that an error is or was caused by: where a class is made, Python wraps it."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return error
+        error = error.__cause__ or error.__context__
+    return None
 
 
 def make_parser(commands_help: str = argparse.SUPPRESS) -> Parser:
@@ -87,6 +106,13 @@ def _command(name: str) -> Command:
     return command
 
 
+def _refuse_broken_names(arguments: Sequence[str]) -> None:
+    """Raise NotUnderstood for a name that no file of ours could hold."""
+    for argument in arguments:
+        if not argument.isascii() and any("\ud800" <= letter <= "\udfff" for letter in argument):
+            raise NotUnderstood(f"{argument} is not UTF-8: rename that file or folder")
+
+
 def _permit_urls(parsed: argparse.Namespace) -> None:
     if getattr(parsed, "allow_url", False):
         from vvvaltr.drivers.links.local import PORTS
@@ -111,12 +137,12 @@ class _Version(argparse.Action):
 def _print(answer: Answer | None, as_json: bool) -> int:
     if answer is None:
         return 0
-    print(json.dumps(answer.data) if as_json else answer.text, flush=True)
+    print(json.dumps(answer.data) if as_json else printable(answer.text), flush=True)
     return answer.status
 
 
 def _fail(line: str, status: int) -> int:
-    print("vvvaltr: " + " ".join(line.split()), file=sys.stderr, flush=True)
+    print(printable("vvvaltr: " + " ".join(line.split())), file=sys.stderr, flush=True)
     return status
 
 
@@ -127,7 +153,12 @@ def _refusal(error: OSError) -> str:
     return f"{error.filename}: {said}" if error.filename else said
 
 
-def _defect(error: Exception, show_traceback: bool) -> str:
+def _broken_name(error: UnicodeEncodeError) -> str:
+    words = error.object[: error.start].split("\n")[-1] + error.object[error.start :].split("\n")[0]
+    return f"{words}: a name in it is not UTF-8; rename that file or folder"
+
+
+def _defect(error: BaseException, show_traceback: bool) -> str:
     if show_traceback:
         traceback.print_exception(error)
     where = traceback.extract_tb(error.__traceback__)[-1]

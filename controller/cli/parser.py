@@ -10,6 +10,7 @@ from argparse import Action, ArgumentError, ArgumentParser, Namespace, RawDescri
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn
 
+from vvvaltr.controller.core.printable import printable
 from vvvaltr.controller.core.spelling import did_you_mean, unknown
 
 Details = Mapping[str, Mapping[str, str]]
@@ -63,7 +64,7 @@ class Parser(ArgumentParser):
         if message.startswith(_MISSING):
             names = message.removeprefix(_MISSING)
             message = f"{names} {'are' if ',' in names else 'is'} missing; example: {self._example}"
-        self.exit(2, f"{self.prog}: {' '.join(message.split())}\n")
+        self.exit(2, printable(f"{self.prog}: {' '.join(message.split())}\n"))
 
     def _usage(self) -> str:
         words = [_usage_of(action) for action in self._actions if not action.option_strings or action.required]

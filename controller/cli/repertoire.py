@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from argparse import ArgumentParser, Namespace
 from contextlib import closing
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number, trial_duration, whole
-from vvvaltr.controller.cli.telling import bar
+from vvvaltr.controller.cli.telling import bar, say_above
 from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
@@ -76,9 +75,7 @@ def _learn(run: RepertoireRun, arguments: Namespace) -> None:
     with bar(arguments, total=total, initial=done, unit="trial", desc="learning movements") as progress:
         for logged in run.learn():
             if logged.score is None:
-                progress.write(
-                    f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}", sys.stderr
-                )
+                say_above(progress, f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}")
             else:
                 progress.set_postfix_str(logged.suggestion.origin, refresh=False)
                 progress.update()

@@ -8,6 +8,8 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+from vvvaltr.controller.core.printable import printable
+
 if TYPE_CHECKING:
     from tqdm import tqdm
 
@@ -25,7 +27,12 @@ def add_telling_arguments(parser: ArgumentParser) -> None:
 def say(arguments: Namespace, line: str) -> None:
     """Tell the person one line, unless they asked for quiet."""
     if not arguments.quiet:
-        print(line, file=sys.stderr, flush=True)
+        print(printable(line), file=sys.stderr, flush=True)
+
+
+def say_above(progress: tqdm[Any], line: str) -> None:
+    """Tell the person one line above a progress bar."""
+    progress.write(printable(line), sys.stderr)
 
 
 def bar(arguments: Namespace, stream: Iterable[Any] | None = None, is_needed: bool = True, **more: Any) -> tqdm[Any]:
@@ -52,6 +59,6 @@ class _AboveTheBar(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         if tqdm := sys.modules.get("tqdm"):
-            tqdm.tqdm.write(self.format(record), file=sys.stderr)
+            tqdm.tqdm.write(printable(self.format(record)), file=sys.stderr)
         else:
-            print(self.format(record), file=sys.stderr, flush=True)
+            print(printable(self.format(record)), file=sys.stderr, flush=True)

@@ -58,5 +58,7 @@ def one_line_errors() -> Iterator[None]:
     """Turn a ValueError of the rooms below, which speaks of what a user gave, into NotUnderstood."""
     try:
         yield
+    except UnicodeEncodeError:
+        raise  # of a name of the user's that is not UTF-8, not of a value
     except ValueError as error:
         raise NotUnderstood(str(error)) from error

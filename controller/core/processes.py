@@ -17,12 +17,22 @@ def processes(jobs: int) -> Iterator[Executor]:
     # Not forked: a fork would copy locks and threads of this process as they are.
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=_prepare) as executor:
         try:
+            _start(executor)
             yield executor
         except BaseException:
             executor.shutdown(wait=False, cancel_futures=True)
             for child in multiprocessing.active_children():
                 child.terminate()
             raise
+
+
+def _start(executor: Executor) -> None:
+    """Start all processes with signals blocked, which they inherit: Ctrl-C must not end one that is still importing."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        executor.submit(int)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _prepare() -> None:

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 _STOPPING_S = 3.0  # how long a stop may take before a second signal may break into it
 _RETRY_AFTER_S = 0.001
 _SHOW_UNRAISABLE = sys.unraisablehook  # of the program that this one runs in
+# What is raised there is dropped, and leaves things half done: pymunk's finalizers take shapes out of a space by
+# callbacks from C, and without one of them free a space with a shape in it, whose finalizer then reads freed memory.
+_UNBREAKABLE_MODULES = frozenset({"pymunk", "weakref"})
+_FINALIZER = "__del__"
 
 
 class _RaiseOnce:
@@ -27,7 +31,7 @@ class _RaiseOnce:
         if time.monotonic() - self._raised_s > _STOPPING_S:
             self._raised_s = time.monotonic()
             self._name = signal.Signals(number).name
-            raise KeyboardInterrupt(self._name)
+            self._raise(frame)
 
     def raise_later(self, unraisable: UnraisableHookArgs) -> None:
         """Schedule an interrupt that Python dropped, because it came where nothing can be raised, once more."""
@@ -37,18 +41,37 @@ class _RaiseOnce:
             _SHOW_UNRAISABLE(unraisable)
 
     def raise_again(self, number: int, frame: FrameType | None) -> None:
-        """Raise the interrupt that was dropped."""
-        raise KeyboardInterrupt(self._name)
+        """Raise the interrupt that was dropped or put off."""
+        self._raise(frame)
+
+    def _raise(self, frame: FrameType | None) -> None:
+        if _is_unbreakable(frame):
+            signal.setitimer(signal.ITIMER_REAL, _RETRY_AFTER_S)
+        else:
+            raise KeyboardInterrupt(self._name)
+
+
+def _is_unbreakable(frame: FrameType | None) -> bool:
+    """Return whether a finalizer or a callback from C is at work, in ``frame`` or in what called it."""
+    while frame is not None:
+        module = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if module in _UNBREAKABLE_MODULES or frame.f_code.co_name == _FINALIZER:
+            return True
+        frame = frame.f_back
+    return False
 
 
 def interrupt_on_signals() -> None:
     """Make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt, even where a shell's background job ignores SIGINT.
 
-    Python drops an exception that is raised in a finalizer or in a callback from C, and the motors would run on. Such
-    an interrupt is raised again 1 ms later, by SIGALRM.
+    A SIGHUP that is ignored, as under nohup, stays so: the program is to outlast its terminal.
+
+    Python drops an exception that is raised in a finalizer or in a callback from C, and the motors would run on. An
+    interrupt that comes there is put off, or raised again if it was dropped, until 1 ms later, by SIGALRM.
     """
     raise_once = _RaiseOnce()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, raise_once)
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, raise_once)
     signal.signal(signal.SIGALRM, raise_once.raise_again)
     sys.unraisablehook = raise_once.raise_later

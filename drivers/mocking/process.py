@@ -15,7 +15,7 @@ import msgspec
 from vvvaltr.drivers.mocking.faults import Fault
 
 _ENDING_S = 30.0
-_PROGRAM = "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())"
+_PROGRAM = "from vvvaltr.entry import main; main()"
 
 
 class Greeting(msgspec.Struct, frozen=True):

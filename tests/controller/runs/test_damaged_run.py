@@ -173,7 +173,7 @@ def test_a_twin_whose_engine_is_not_installed_is_said_before_a_campaign_begins(t
     paths = [str(tmp_path), str(Path(__file__).parents[3]), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
 
     ended = subprocess.run(
-        [sys.executable, "-c", "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())",
+        [sys.executable, "-c", "from vvvaltr.entry import main; main()",
          "experiment", "1", "--robot", "spatial", "--repeats", "1", "--out", str(out)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}, capture_output=True, text=True,
     )  # fmt: skip

@@ -16,7 +16,7 @@ from vvvaltr.controller.studies import landscape
 
 PLANAR = ["landscape", "--robot", "planar", "--repeats", "1"]
 LONG = [*PLANAR, "--grid", "9", "--duration", "2000"]
-PROGRAM = [sys.executable, "-c", "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())"]
+PROGRAM = [sys.executable, "-c", "from vvvaltr.entry import main; main()"]
 
 
 def workers_of(parent: int) -> list[int]:

@@ -26,7 +26,7 @@ from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.port import PtyPort
 from vvvaltr.drivers.mocking.process import MockProcess
 
-VVVALTR = (sys.executable, "-c", "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())")
+VVVALTR = (sys.executable, "-c", "from vvvaltr.entry import main; main()")
 GAIT = Gait((9.0, -12.0, 15.0))
 CONTROLLER = """
 import sys
