@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Self
 
 import msgspec
@@ -63,3 +64,7 @@ class LineTable(Table, frozen=True, kw_only=True, tag_field="driver"):
 
 class TrackerTable(Table, frozen=True, kw_only=True, tag_field="kind"):
     """A tracker. A subclass sets ``tag`` to the name of its kind."""
+
+    def located(self, folder: Path) -> Self:
+        """Return the table with paths, which count from the folder of the robot's file, as they are from here."""
+        return self

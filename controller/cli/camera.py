@@ -93,7 +93,7 @@ def _calibrate(arguments: Namespace, robot: RobotFile, table: CameraTable) -> An
     from vvvaltr.drivers.trackers.camera.source import open_source
     from vvvaltr.drivers.trackers.camera.table import lens_table
 
-    with closing(open_source(table.source, table.wanted)) as source:
+    with closing(open_source(table.source, table.wanted, in_real_time=False)) as source:
         found = calibrated(_board_views(arguments, source))
     lens = lens_table(found.lens, round(found.error_px, 4))
     plain = msgspec.to_builtins(lens)
@@ -128,7 +128,7 @@ def _board_views(arguments: Namespace, source: Source) -> Any:
 def _show(arguments: Namespace, robot: RobotFile, table: CameraTable) -> Answer:
     from vvvaltr.drivers.trackers.camera.source import open_source
 
-    with closing(open_source(table.source, table.wanted)) as source:
+    with closing(open_source(table.source, table.wanted, in_real_time=False)) as source:
         looks = _Looks(robot, table, source)
         if arguments.live:
             _show_live(looks)
@@ -153,6 +153,7 @@ class _Looks:
     """Pictures of the camera, each with what was seen in it."""
 
     def __init__(self, robot: RobotFile, table: CameraTable, source: Source) -> None:
+        from vvvaltr.drivers.trackers.camera.source import NoMorePictures
         from vvvaltr.drivers.trackers.camera.watcher import start_sight
 
         self._robot, self._table, self._source = robot, table, source
@@ -160,7 +161,7 @@ class _Looks:
         self._problem = ""
         try:
             self._sight = start_sight(table, source)
-        except UserError as error:  # then the picture tells why
+        except (UserError, NoMorePictures) as error:  # then the picture tells why
             self._problem = str(error)
 
     def __iter__(self) -> Iterator[_Look]:

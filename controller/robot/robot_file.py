@@ -100,7 +100,8 @@ class RobotFile(Table, frozen=True, kw_only=True):
 
 def load_robot_file(path: Path) -> RobotFile:
     """Read a robot's file. Raises UserError: one line with the file, the key, its value and what is allowed."""
-    return robot_file_from(read_document(path), str(path))
+    robot = robot_file_from(read_document(path), str(path))
+    return msgspec.structs.replace(robot, tracker=robot.tracker.located(path.parent))
 
 
 def robot_file_from(content: Any, name: str) -> RobotFile:

@@ -160,6 +160,8 @@ def replace_curves(robot: RobotFile, curves: Sequence[Points]) -> RobotFile:
 
 def rewrite_robot_file(text: str, robot: RobotFile) -> str:
     """Return the file ``text`` with the numbers of ``robot``. Comments and order are kept where that is possible."""
+    if (written := _plain(text)) is not None:  # whose tracker's paths are as the user wrote them
+        robot = msgspec.structs.replace(robot, tracker=written.tracker)
     blocks = re.split(r"(?m)^(?=[ \t]*\[+[\w. ]+\]+[ \t]*(?:#.*)?$)", text)
     motors = iter(robot.motors)
     for number, block in enumerate(blocks):

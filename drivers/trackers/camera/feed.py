@@ -39,6 +39,7 @@ TAG = RobotTag(0, 0.04, 0.06)
 FLOOR_M = {1: (-0.45, -0.24), 2: (0.45, -0.24), 3: (0.45, 0.24), 4: (-0.45, 0.24)}
 _HEIGHT_M, _TILTS_RAD = 1.0, (math.radians(3.0), math.radians(1.0))
 _PICTURE_S = 0.02  # a mock tells 50 poses a second; a camera as fast as that also sees how fast the motors turn
+_OUTSIDE_PX, _STILL_M, _CARRIED_AFTER_S = 12, 0.004, 2.0
 _LONGEST_BYTES = 65536
 _LEAVE_S = 5.0
 
@@ -104,30 +105,50 @@ class PictureFeed:
 
 
 class Scene:
-    """Draws a picture for what has come from the mock."""
+    """Draws a picture for what has come from the mock.
 
-    def __init__(self, painter: Painter) -> None:
-        self._painter = painter
+    A robot that lies outside the picture is carried back into its middle after a while.
+    """
+
+    def __init__(self, painter: Painter, view: View) -> None:
+        self._painter, self._view = painter, view
         self._rest_z_m: float | None = None
         self._last: Pose | None = None
+        self._origin_m, self._still_m, self._still_s = (0.0, 0.0), (0.0, 0.0), 0.0
 
     def picture(self, pose: Pose | None) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
         """Return the picture of a pose; of None, a hand over where the robot was last."""
         if pose is None:
-            where = self._last.position_m[:2] if self._last else (0.0, 0.0)
-            return self._painter.picture(self._last, hand_m=where)
+            where = self._shown(self._last, 0.0)[:2] if self._last else (0.0, 0.0)
+            return self._painter.picture(None, hand_m=where)
         if self._rest_z_m is None:
             self._rest_z_m = pose.position_m[2]
         velocity, self._last = self._velocity(pose), pose
         # The card stands over the robot's centre: at its height while the robot rests as at the start.
-        x_m, y_m, z_m = pose.position_m
-        lifted = replace(pose, position_m=(x_m, y_m, TAG.height_m + z_m - self._rest_z_m))
+        self._carry_back(pose)
+        lifted = replace(pose, position_m=self._shown(pose, TAG.height_m + pose.position_m[2] - self._rest_z_m))
         struts = [(end, end + 1) for end in range(0, len(pose.markers_m) - 1, 2)]
         return self._painter.picture(lifted, velocity, struts)
 
     def at_rest(self, t_s: float) -> Pose | None:
         """Return the last pose, still the same at ``t_s``; None before the first."""
         return replace(self._last, t_s=t_s) if self._last else None
+
+    def _shown(self, pose: Pose, z_m: float) -> Vector:
+        return pose.position_m[0] - self._origin_m[0], pose.position_m[1] - self._origin_m[1], z_m
+
+    def _carry_back(self, pose: Pose) -> None:
+        """Put a robot that lies still outside the picture into its middle."""
+        here_m = pose.position_m[:2]
+        x_px, y_px = self._view.pixels(np.array([self._shown(pose, TAG.height_m)]))[0]
+        lens = self._view.lens
+        is_inside = (
+            _OUTSIDE_PX < x_px < lens.width_px - _OUTSIDE_PX and _OUTSIDE_PX < y_px < lens.height_px - _OUTSIDE_PX
+        )
+        if is_inside or math.dist(here_m, self._still_m) > _STILL_M:
+            self._still_m, self._still_s = here_m, pose.t_s
+        elif pose.t_s - self._still_s > _CARRIED_AFTER_S:
+            self._origin_m = here_m
 
     def note(self, pose: Pose) -> None:
         """Take in a pose that is not drawn."""
@@ -148,7 +169,7 @@ def main() -> None:
     threading.Thread(target=_end_with_input, daemon=True).start()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as inbox, closing(_writer(Path(sys.argv[1]))) as writer:
         inbox.bind((LOOPBACK, 0))
-        scene = Scene(Painter(mock_view(), TAG, FLOOR_M))
+        scene = Scene(Painter(mock_view(), TAG, FLOOR_M), mock_view())
         writer.write(time.monotonic(), scene.picture(None))
         sys.stdout.write(f"{inbox.getsockname()[1]}\n")
         sys.stdout.flush()

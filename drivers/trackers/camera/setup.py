@@ -52,7 +52,7 @@ def find_view(
     return looking_down(lens, height_from_size(seen, tag.size_m, tag.height_m))
 
 
-def sharp_corners(grey: Picture, corners: Array, lens: Lens) -> Array | None:
+def find_sharp_corners(grey: Picture, corners: Array, lens: Lens) -> Array | None:
     """Return a tag's corners as rays, from its edges, shape (4, 2); None where they are not seen well."""
     points = side_points(grey, corners)
     if points is None:
@@ -81,7 +81,7 @@ def _looks(lens: Lens, numbers: Sequence[int], next_picture: NextPicture) -> dic
         grey = next_picture()
         tags = all_tags(grey, _LEAST_SIDE_PX)
         for number in set(numbers) & set(tags):
-            if (corners := sharp_corners(grey, tags[number], lens)) is not None:
+            if (corners := find_sharp_corners(grey, tags[number], lens)) is not None:
                 seen[number].append(corners)
         if all(len(looks) >= LOOKS for looks in seen.values()):
             return seen

@@ -17,8 +17,9 @@ from vvvaltr.drivers.trackers.camera.tags import Picture
 if TYPE_CHECKING:
     import cv2
 
+FRAMES = "frames:"
+"""Begins a source that is another program."""
 _DEVICES = Path("/dev")
-_FRAMES = "frames:"
 _SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".tif", ".tiff"})
 _MANUAL = 1.0  # Video4Linux: exposure as told, not by the camera's own rule
 _EXPOSURE_UNIT_S = 1e-4  # Video4Linux
@@ -72,24 +73,25 @@ class Source(Protocol):
         ...
 
 
-def open_source(source: int | str, wanted: Wanted) -> Source:
+def open_source(source: int | str, wanted: Wanted, in_real_time: bool = True) -> Source:
     """Open a source of pictures.
 
     Args:
         source: a camera's number or path below /dev, a film, a folder of pictures, or ``frames:PATH``.
         wanted: what a camera is asked for; of a folder's pictures the rate.
+        in_real_time: whether a film or folder is shown at its rate, without late pictures; else each picture in turn.
 
     Raises:
         UserError: there is no such source, or it cannot be opened: says why, and the cure.
     """
     path = _DEVICES / f"video{source}" if isinstance(source, int) else Path(source)
-    if isinstance(source, str) and source.startswith(_FRAMES):
-        return SharedSource(Path(source.removeprefix(_FRAMES)))
+    if isinstance(source, str) and source.startswith(FRAMES):
+        return SharedSource(Path(source.removeprefix(FRAMES)))
     if path.is_relative_to(_DEVICES):
         return DeviceSource(path, wanted)
     if path.is_dir():
-        return FolderSource(path, wanted.rate_hz)
-    return FilmSource(path)
+        return FolderSource(path, wanted.rate_hz, in_real_time)
+    return FilmSource(path, in_real_time)
 
 
 class DeviceSource:
@@ -171,9 +173,9 @@ def _applied(capture: cv2.VideoCapture, wanted: Wanted) -> Wanted:
 
 
 class FilmSource:
-    """A film, shown in real time; times are those of the file. Raises UserError."""
+    """A film; times are those of the file. Raises UserError."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, in_real_time: bool) -> None:
         import cv2
 
         if not path.exists():
@@ -186,17 +188,18 @@ class FilmSource:
         self._period_s = 1.0 / (get(cv2.CAP_PROP_FPS) or 30.0)
         width, height = get(cv2.CAP_PROP_FRAME_WIDTH), get(cv2.CAP_PROP_FRAME_HEIGHT)
         self.applied = Wanted(round(width), round(height), 1.0 / self._period_s)
+        self._in_real_time = in_real_time
         self._begin_s = time.monotonic()
 
     def newest(self) -> Frame:
-        """Wait for the next picture and return it; late ones are passed over. Raises NoMorePictures."""
+        """Wait for the next picture and return it. Raises NoMorePictures."""
         import cv2
 
         while self._capture.grab():
             t_s = self._begin_s + 1e-3 * self._capture.get(cv2.CAP_PROP_POS_MSEC)
             late_s = time.monotonic() - t_s
-            if late_s < self._period_s:
-                time.sleep(max(0.0, -late_s))
+            if late_s < self._period_s or not self._in_real_time:
+                time.sleep(max(0.0, -late_s) if self._in_real_time else 0.0)
                 return Frame(t_s, _grey(self._capture.retrieve()[1]))
         raise NoMorePictures(f"the film {self._path} has ended")
 
@@ -208,7 +211,7 @@ class FilmSource:
 class FolderSource:
     """A folder of pictures, shown in the order of their names. Raises UserError."""
 
-    def __init__(self, path: Path, rate_hz: float) -> None:
+    def __init__(self, path: Path, rate_hz: float, in_real_time: bool) -> None:
         self._path = path
         self._pictures = sorted(each for each in path.iterdir() if each.suffix.lower() in _SUFFIXES)
         if not self._pictures:
@@ -216,17 +219,19 @@ class FolderSource:
         height, width = self._read(0).shape
         self.applied = Wanted(width, height, rate_hz)
         self._shown = -1
+        self._in_real_time = in_real_time
         self._begin_s = time.monotonic()
 
     def newest(self) -> Frame:
-        """Wait for the next picture and return it; late ones are passed over. Raises NoMorePictures."""
+        """Wait for the next picture and return it. Raises NoMorePictures."""
         period_s = 1.0 / self.applied.rate_hz
-        due = int((time.monotonic() - self._begin_s) / period_s)
+        due = int((time.monotonic() - self._begin_s) / period_s) if self._in_real_time else 0
         self._shown = max(self._shown + 1, due)
         if self._shown >= len(self._pictures):
             raise NoMorePictures(f"the pictures in {self._path} have ended")
         t_s = self._begin_s + self._shown * period_s
-        time.sleep(max(0.0, t_s - time.monotonic()))
+        if self._in_real_time:
+            time.sleep(max(0.0, t_s - time.monotonic()))
         return Frame(t_s, self._read(self._shown))
 
     def close(self) -> None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Self
 
+import msgspec
 from msgspec import Meta
 
 from vvvaltr.drivers.table import NotNegative, Positive, Table, TrackerTable
 from vvvaltr.drivers.trackers.camera.lens import Lens
 from vvvaltr.drivers.trackers.camera.sight import RobotTag
-from vvvaltr.drivers.trackers.camera.source import Wanted
+from vvvaltr.drivers.trackers.camera.source import FRAMES, Wanted
 
 _LEAST_FLOOR_TAGS = 4
 TagNumber = Annotated[int, Meta(ge=0, le=586)]
@@ -102,6 +104,12 @@ class CameraTable(TrackerTable, frozen=True, kw_only=True, tag="camera"):
             raise ValueError(f"floor has {len(self.floor)} tags; allowed: none, or four and more")
         if self.camera_height_m and self.camera_height_m <= self.tag.height_m:
             raise ValueError(f"camera_height_m is {self.camera_height_m:g}; allowed: above tag.height_m")
+
+    def located(self, folder: Path) -> Self:
+        """Return the table with its film or folder as it is from here."""
+        if isinstance(self.source, int) or self.source.startswith(FRAMES):
+            return self
+        return msgspec.structs.replace(self, source=str(folder / self.source))
 
     @property
     def wanted(self) -> Wanted:

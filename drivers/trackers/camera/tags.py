@@ -52,24 +52,30 @@ class TagFinder:
         self._near = _detector(2 * self._half_px, least_px, _THRESHOLD_PX)
         self._nearly = _detector(2 * self._half_px, least_px, _WIDE_THRESHOLD_PX)
         self._anywhere = _detector(picture_px, least_px, _THRESHOLD_PX)
-        self._last: Array | None = None
+        self._centre: Array | None = None
         self._misses = 0
+
+    def expect(self, centre_px: Array) -> None:
+        """Look first around a pixel, shape (2,)."""
+        self._centre = centre_px
 
     def find(self, grey: Picture) -> Array | None:
         """Return the tag's corners, good to a pixel, shape (4, 2), clockwise from its upper left; None if unseen."""
-        corners = None
-        if self._last is not None:
-            corners = self._find_near(grey, self._last.mean(axis=0))
+        corners = self.find_near(grey)
         if corners is None:
             # Of the pictures that are searched as a whole, every second one is sharpened before.
             whole = sharpened(grey) if self._misses % 2 else grey
             corners = _found(self._anywhere, whole).get(self._tag)
-        self._last = self._last if corners is None else corners
+        if corners is not None:
+            self._centre = corners.mean(axis=0)
         self._misses = self._misses + 1 if corners is None else 0
         return corners
 
-    def _find_near(self, grey: Picture, centre: Array) -> Array | None:
-        left, top = (max(0, round(float(middle)) - self._half_px) for middle in centre)
+    def find_near(self, grey: Picture) -> Array | None:
+        """Return the tag's corners, as ``find`` does, if the tag is near where it was last, or is expected."""
+        if self._centre is None:
+            return None
+        left, top = (max(0, round(float(middle)) - self._half_px) for middle in self._centre)
         window = grey[top : top + 2 * self._half_px, left : left + 2 * self._half_px]
         found = _found(self._near, window).get(self._tag)
         if found is None:

@@ -27,12 +27,14 @@ class View:
         rotation: from the world's axes to the camera's (x right, y down, z along the view), shape (3, 3).
         position_m: of the camera, shape (3,).
         error_m: how far the floor tags are from where they should be, root mean square; 0 without floor tags.
+        floor_side_m: how long their sides are, the median; 0 without floor tags.
     """
 
     lens: Lens
     rotation: Array = field(default_factory=lambda: _LOOKING_DOWN.copy())
     position_m: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     error_m: float = 0.0
+    floor_side_m: float = 0.0
 
     def on_plane(self, pixels: Array, height_m: float) -> Array:
         """Return which points at ``height_m`` above the ground ``pixels``, shape (n, 2), show: x and y, (n, 2)."""
@@ -40,6 +42,15 @@ class View:
         directions = np.column_stack([rays, np.ones(len(rays))]) @ self.rotation
         reach = (height_m - self.position_m[2]) / directions[:, 2]
         return np.asarray(self.position_m[:2] + directions[:, :2] * reach[:, None])
+
+    def meet_floor(self, ray: Array) -> tuple[float, float]:
+        """Return x and y of where a straight ray, shape (2,), meets the ground."""
+        ((x_m, y_m),) = self.on_plane(self.lens.pixels(np.array([[*ray, 1.0]])), 0.0).tolist()
+        return x_m, y_m
+
+    def find_pixel(self, x_m: float, y_m: float) -> Array:
+        """Return where a point of the ground is seen, shape (2,)."""
+        return np.asarray(self.pixels(np.array([[x_m, y_m, 0.0]]))[0])
 
     def pixels(self, points_m: Array) -> Array:
         """Return where points of the world, shape (n, 3), are seen: (n, 2)."""
@@ -88,4 +99,11 @@ def over_floor_tags(lens: Lens, seen: Mapping[int, Array], places_m: Mapping[int
     if not found or not np.isfinite(view.position_m).all() or view.position_m[2] <= 0.0:
         raise ValueError("the floor tags are not where tracker.floor says: measure their places again")
     off_m = view.on_plane(lens.pixels(np.column_stack([rays, np.ones(len(rays))])), 0.0) - places[:, :2]
-    return View(lens, rotation, view.position_m, math.sqrt(float(np.mean(np.sum(off_m**2, axis=1)))))
+    error_m = math.sqrt(float(np.mean(np.sum(off_m**2, axis=1))))
+    return View(lens, rotation, view.position_m, error_m, _side_m(view, seen))
+
+
+def _side_m(view: View, seen: Mapping[int, Array]) -> float:
+    """Return the median side of tags on the ground, whose corners are given as rays."""
+    corners = [view.on_plane(view.lens.pixels(np.column_stack([rays, np.ones(4)])), 0.0) for rays in seen.values()]
+    return float(np.median([np.linalg.norm(each - np.roll(each, 1, axis=0), axis=1) for each in corners]))

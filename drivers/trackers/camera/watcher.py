@@ -18,12 +18,14 @@ import msgspec
 
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.drivers.trackers.camera import messages
+from vvvaltr.drivers.trackers.camera.floor import FloorWatch
 from vvvaltr.drivers.trackers.camera.setup import find_view
 from vvvaltr.drivers.trackers.camera.sight import Sight, Sighting, Unseen
 from vvvaltr.drivers.trackers.camera.source import Frame, NoMorePictures, Source, open_source
 from vvvaltr.drivers.trackers.camera.table import CameraTable, TagTable
 from vvvaltr.drivers.trackers.camera.tags import Picture
 
+_CHECK_S = 0.5  # between two looks at a floor tag
 _KEEP_S = 1.0  # between two pictures that are kept
 _JPEG_QUALITY = 70
 
@@ -97,10 +99,14 @@ def _ready(source: Source, sight: Sight) -> messages.Ready:
 
 
 def _look_on(table: CameraTable, source: Source, sight: Sight, say: _Speech) -> None:
-    keep_s = -math.inf
+    keep_s = check_s = -math.inf
+    floor, problem = FloorWatch(sight.view, table.floor_m), ""
     while True:
         frame = source.newest()
-        say(_news(frame, sight, table.tag))
+        if frame.t_s >= check_s:
+            check_s = frame.t_s + _CHECK_S
+            problem = floor.check(frame.grey)
+        say(messages.Unseen(frame.t_s, problem) if problem else _news(frame, sight, table.tag))
         if table.pictures and frame.t_s >= keep_s:
             keep_s = frame.t_s + _KEEP_S
             say(messages.Kept(frame.t_s, _jpeg(frame.grey)))

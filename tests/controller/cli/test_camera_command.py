@@ -74,6 +74,13 @@ def test_show_draws_the_pose_and_tells_it(robot, capsys):
     assert np.ptp(picture.astype(int), axis=2).max() > 100  # something is drawn in colour
 
 
+def test_pictures_are_looked_for_beside_the_robots_file(robot, tmp_path, monkeypatch, pictures, capsys):
+    (tmp_path / "pictures").symlink_to(pictures)
+    robot.write_text(ROBOT.format(source="pictures") + FLOOR + LENS_TABLE)
+    monkeypatch.chdir("/")
+    assert main(["camera", str(robot), "show", "--out", str(tmp_path / "seen.png")]) == 0
+
+
 def test_show_without_a_lens_fails_with_the_cure_and_still_draws_what_is_seen(robot, capsys, pictures):
     robot.write_text(ROBOT.format(source=pictures))
     assert main(["camera", str(robot), "show", "--out", "seen"]) == 1

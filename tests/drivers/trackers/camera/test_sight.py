@@ -1,6 +1,8 @@
 """From pictures to places: rendered pictures of a robot whose place is known."""
 
 import math
+import re
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.values import Pose
 from vvvaltr.drivers.trackers.camera.feed import FLOOR_M, LENS, TAG, mock_view
+from vvvaltr.drivers.trackers.camera.floor import FloorWatch
 from vvvaltr.drivers.trackers.camera.pictures import Looks, Painter
 from vvvaltr.drivers.trackers.camera.setup import find_view
 from vvvaltr.drivers.trackers.camera.sight import RobotTag, Sight, Unseen
@@ -164,3 +167,22 @@ def test_a_view_is_in_metres_and_y_points_up_in_the_picture():
     up, right = view.pixels(np.array([[0.0, 0.1, 0.0], [0.1, 0.0, 0.0]]))
     assert up[1] < LENS.centre_px[1] < LENS.centre_px[1] + 1 + abs(right[1] - LENS.centre_px[1])
     assert right[0] > LENS.centre_px[0] + 90
+
+
+def test_a_camera_that_was_moved_is_noticed_and_one_that_hangs_still_is_not(painter):
+    seen = find_view(LENS, TAG, FLOOR_M, 0.0, lambda: painter.picture(None))
+    moved = replace(mock_view(), position_m=mock_view().position_m + np.array([0.01, 0.0, 0.0]))
+    elsewhere = Painter(moved, TAG, FLOOR_M, looks=HARD)
+    watch = FloorWatch(seen, FLOOR_M)
+    assert [watch.check(painter.picture(pose_at(0.0, 0.0))) for _ in range(8)] == [""] * 8
+    problem = [watch.check(elsewhere.picture(pose_at(0.0, 0.0))) for _ in range(4)][-1]
+    assert re.fullmatch(
+        r"floor tag \d is (9|10|11) mm off: camera or tag was moved; put it back, or start again", problem
+    )
+    assert [watch.check(painter.picture(None)) for _ in range(4)][-1] == ""
+
+
+def test_floor_tags_that_are_covered_say_nothing(painter):
+    watch = FloorWatch(find_view(LENS, TAG, FLOOR_M, 0.0, lambda: painter.picture(None)), FLOOR_M)
+    empty = Painter(mock_view(), TAG, looks=HARD).picture(None)
+    assert [watch.check(empty) for _ in range(4)] == [""] * 4

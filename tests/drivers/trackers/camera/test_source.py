@@ -129,3 +129,15 @@ def test_a_camera_that_one_may_not_use_is_answered_with_the_cure(tmp_path, monke
 def test_a_camera_that_does_not_open_is_named_with_what_may_have_it():
     with pytest.raises(UserError, match=r"camera /dev/null does not open: another program has it"):
         open_source("/dev/null", FAST)
+
+
+def test_out_of_real_time_every_picture_is_shown(tmp_path):
+    for number in range(8):
+        cv2.imwrite(str(tmp_path / f"{number:03}.png"), grey(number))
+    source = open_source(str(tmp_path), FAST, in_real_time=False)
+    shown = []
+    with pytest.raises(NoMorePictures):
+        while True:
+            shown.append(int(source.newest().grey[0, 0]))
+            time.sleep(0.02)
+    assert shown == list(range(8))
