@@ -10,51 +10,105 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
-from vvvaltr.controller.view.scene import Scene, write_result
-from vvvaltr.controller.view.speed_maps import MAP_X, MAP_Y, Learned, Pair, map_path, send_maps
+from vvvaltr.controller.core.values import GaitSpace
+from vvvaltr.controller.view.canvas import Canvas
+from vvvaltr.controller.view.layout import lay_out, lay_out_side_by_side
+from vvvaltr.controller.view.scene import Scene
+from vvvaltr.controller.view.speed_maps import Belief, Predict
+from vvvaltr.controller.view.words import write_about
 
 if TYPE_CHECKING:
-    import rerun as rr
     import rerun.blueprint as rrb
 
 _APPLICATION = "vvvaltr"
 _LOCAL = "127.0.0.1"  # nothing is shown to other computers
 
 
-def save_recording(run: Run, path: Path, title: str, learned: Learned | None = None) -> None:
-    """Write a run as a Rerun recording. An existing file is replaced.
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A run to be shown.
 
     Args:
         run: the run.
+        title: its name for people.
+        space: gaits that it searches, for the maps of expected speed; None for no maps.
+        beliefs: what it believed after some of its trials, in their order.
+        trial: number of the only trial to show, with what was known after it; None for all.
+    """
+
+    run: Run
+    title: str
+    space: GaitSpace | None = None
+    beliefs: Iterable[Belief] = ()
+    trial: int | None = None
+
+    @property
+    def trials(self) -> Sequence[LoggedTrial]:
+        """The trials to show. Raises UserError where the only one is not in the run."""
+        if self.trial is None:
+            return self.run.trials
+        found = [logged for logged in self.run.trials if logged.trial.number == self.trial]
+        if not found:
+            count = len(self.run.trials)
+            raise UserError(f"{self.title} has no trial {self.trial}: it has {count}, counted from 1")
+        return found
+
+
+def save_recording(path: Path, *shown: Shown) -> None:
+    """Write a run as a Rerun recording, or several side by side. An existing file is replaced.
+
+    Args:
         path: file to write, ``.rrd``.
-        title: name of the recording in the viewer.
-        learned: what the run has learned, for the maps of expected speed; None for no maps.
+        shown: the runs.
 
     Raises:
-        UserError: the file cannot be written.
+        UserError: the file cannot be written, or the only trial to show does not exist.
     """
     import rerun as rr
 
+    roots = [""] if len(shown) == 1 else _make_roots([it.title for it in shown])
     # Through memory: on a full disk Rerun's own writer waits for ever, and no signal ends it.
     with rr.RecordingStream(_APPLICATION) as recording:
         memory = recording.memory_recording()
-        recording.send_blueprint(_blueprint(run, learned), make_active=False)
-        recording.send_recording_name(title)
-        Scene(recording, run.structure).add(run.trials)
-        _send_result(recording, run.trials, learned)
+        recording.send_blueprint(_blueprint(shown, roots), make_active=False)
+        recording.send_recording_name(" and ".join(it.title for it in shown))
+        for it, root in zip(shown, roots, strict=True):
+            _send(it, Canvas(recording, root))
         written = memory.drain_as_bytes()
         recording.disconnect()
     _write(written, path)
+
+
+def _blueprint(shown: Sequence[Shown], roots: Sequence[str]) -> rrb.Blueprint:
+    if len(shown) == 1:
+        return lay_out(shown[0].run, shown[0].trials, shown[0].space)
+    return lay_out_side_by_side([(it.title, it.run, it.space) for it in shown], roots)
+
+
+def _make_roots(titles: Sequence[str]) -> list[str]:
+    """Return a path for each run, named after it; runs of the same name are numbered."""
+    names = [title.replace("/", "_") or "run" for title in titles]
+    return [f"/{name}" if names.count(name) == 1 else f"/{name} ({place})" for place, name in enumerate(names, 1)]
+
+
+def _send(shown: Shown, canvas: Canvas) -> None:
+    scene = Scene(canvas, shown.run.structure, about=write_about(shown.run, shown.space is not None))
+    scene.remember(
+        logged for logged in shown.run.trials if shown.trial is not None and logged.trial.number < shown.trial
+    )
+    scene.add(shown.trials)
+    for belief in shown.beliefs:
+        if shown.trial is None or belief.trial == shown.trial:
+            scene.add_belief(belief)
 
 
 def _write(recording: bytes, path: Path) -> None:
@@ -67,8 +121,8 @@ def _write(recording: bytes, path: Path) -> None:
         ) from error
 
 
-def show(run: Run, title: str, learned: Learned | None = None, web: bool = False) -> None:
-    """Open a run in the Rerun viewer, or with ``web`` in the browser, and return when the viewer is closed.
+def show(*shown: Shown, web: bool = False) -> None:
+    """Open runs in the Rerun viewer, or with ``web`` in the browser, and return when the viewer is closed.
 
     Raises:
         UserError: there is no screen, or the viewer failed.
@@ -77,7 +131,7 @@ def show(run: Run, title: str, learned: Learned | None = None, web: bool = False
         _require_screen()
     with tempfile.TemporaryDirectory(prefix="vvvaltr-") as folder:
         recording = Path(folder) / "run.rrd"
-        save_recording(run, recording, title, learned)
+        save_recording(recording, *shown)
         ports = ("--port", str(_free_port(9876)), "--web-viewer-port", str(_free_port(9090)))
         how = ("--web-viewer", *ports) if web else ("--new",)
         status = subprocess.run(_viewer(str(recording), *how), check=False).returncode
@@ -93,7 +147,9 @@ class LiveView:
     Args:
         run: the run so far.
         title: name of the recording in the viewer.
-        learned: what the run learns, for the maps, which are drawn anew after each trial; None for no maps.
+        space: gaits that are searched, for the maps; None for no maps.
+        predict: returns what is believed of gaits at present, for the maps, which are drawn anew after each trial.
+        planned: number of trials that the run is to make; 0 where that is unknown.
 
     Attributes:
         url: address for a viewer to connect to.
@@ -102,19 +158,20 @@ class LiveView:
         UserError: no network port is free.
     """
 
-    def __init__(self, run: Run, title: str, learned: Learned | None = None) -> None:
+    def __init__(
+        self, run: Run, title: str, space: GaitSpace | None = None, predict: Predict | None = None, planned: int = 0
+    ) -> None:
         import rerun as rr
 
         port = _free_port(9876)
         self.url = f"rerun+http://{_LOCAL}:{port}/proxy"
-        self._learned = learned
+        self._space, self._predict = space, predict
         self._recording = rr.RecordingStream(_APPLICATION)
         server = rr.GrpcServerSink(bind_ip=_LOCAL, port=port)
-        self._recording.set_sinks(server, default_blueprint=_blueprint(run, learned, following=True))
+        self._recording.set_sinks(server, default_blueprint=lay_out(run, run.trials, space, following=True))
         self._recording.send_recording_name(title)
-        self._scene = Scene(self._recording, run.structure)
+        self._scene = Scene(Canvas(self._recording), run.structure, planned, write_about(run, space is not None))
         self._scene.add(run.trials)
-        _send_result(self._recording, run.trials, learned=None)  # a resumed run has yet to tell it its trials
 
     def open_window(self) -> None:
         """Open a viewer, which stays open when the run ends. Raises UserError where there is no screen."""
@@ -128,7 +185,8 @@ class LiveView:
     def on_trial(self, logged: LoggedTrial) -> None:
         """Show one more trial."""
         self._scene.add([logged])
-        _send_result(self._recording, self._scene.trials, self._learned)
+        if self._space is not None and self._predict is not None and logged.score is not None:
+            self._scene.add_belief(Belief(logged.trial.number, self._space, self._predict))
 
     def on_event(self, event: Event) -> None:
         """Do nothing: the view shows trials."""
@@ -157,93 +215,3 @@ def _free_port(preferred: int) -> int:
             listener.bind((_LOCAL, port))
             return int(listener.getsockname()[1])
     raise UserError("no network port is free on this computer: close some programs")
-
-
-def _send_result(recording: rr.RecordingStream, trials: Sequence[LoggedTrial], learned: Learned | None) -> None:
-    """Send the result of the run so far, for all points of the time line."""
-    import rerun as rr
-
-    text = write_result(trials)
-    if learned is not None:
-        text += (
-            "\n\nMaps: speed expected over two motors, the others as in the best gait. White: trials; red: best gait."
-        )
-        send_maps(recording, learned, trials)
-    recording.log("result", rr.TextDocument(text, media_type="text/markdown"), static=True)
-
-
-def _blueprint(run: Run, learned: Learned | None, following: bool = False) -> rrb.Blueprint:
-    """Return the layout: the robot and its motors on the left, the result and the learned maps on the right."""
-    import rerun.blueprint as rrb
-
-    result = rrb.TextDocumentView(origin="result", name="Result")
-    right: list[rrb.View | rrb.Container] = [rrb.Horizontal(result, _trials_view()), _speed_view()]
-    if learned is not None and learned.pairs:
-        right.append(rrb.Grid(*map(_map_view, learned.pairs), grid_columns=3))
-    return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(_robot_view(run), _motor_view(), row_shares=[3, 2]), rrb.Vertical(*right)),
-        rrb.TimePanel(timeline="time", state="collapsed", play_state="following" if following else None),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-    )
-
-
-def _robot_view(run: Run) -> rrb.Spatial3DView:
-    """Return a view of everywhere the robot went, from the front and a little above."""
-    import rerun.blueprint as rrb
-
-    trails = [pose.position_m for logged in run.trials for pose in logged.trial.poses if pose.is_finite]
-    lowest, highest = (bound(trails or [(0.0, 0.0, 0.05)], axis=0) for bound in (np.min, np.max))
-    centre, extent_m = (lowest + highest) / 2, max(0.2, float(np.max(highest - lowest)))
-    eye = rrb.EyeControls3D(
-        position=centre + (0.15 + 0.6 * extent_m) * np.array([0.2, -1.0, 0.3]),
-        look_target=centre,
-        eye_up=(0.0, 0.0, 1.0),
-    )
-    has_ground = run.structure is not None and run.structure.terrain is not None
-    return rrb.Spatial3DView(origin="world", name="Robot", eye_controls=eye, line_grid=not has_ground)
-
-
-def _motor_view() -> rrb.TimeSeriesView:
-    """Return a view of the ten seconds around the cursor: a whole run would show as nothing but stripes."""
-    import rerun.blueprint as rrb
-
-    begin, end = (rrb.TimeRangeBoundary.cursor_relative(seconds=seconds) for seconds in (-5, 5))
-    return rrb.TimeSeriesView(
-        origin="motors",
-        name="Motor frequencies (Hz): dark as commanded, bright as applied",
-        axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(begin, end)),
-    )
-
-
-def _speed_view() -> rrb.TimeSeriesView:
-    import rerun.blueprint as rrb
-
-    whole = rrb.TimeRange(rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.infinite())
-    return rrb.TimeSeriesView(
-        origin="speed",
-        name="Speed of each trial (mm/s)",
-        axis_x=rrb.TimeAxis(view_range=whole),
-        plot_legend=rrb.Corner2D.RightBottom,
-    )
-
-
-def _trials_view() -> rrb.TextLogView:
-    import rerun.blueprint as rrb
-    from rerun.blueprint.encodings import TextLogColumn, TimelineColumn
-
-    columns = rrb.TextLogColumns(
-        timeline_columns=[TimelineColumn("time", visible=False), TimelineColumn("trial", visible=False)],
-        text_log_columns=[TextLogColumn("Body")],
-    )
-    return rrb.TextLogView(origin="trials", name="Trials", columns=columns)
-
-
-def _map_view(pair: Pair) -> rrb.Spatial2DView:
-    import rerun.blueprint as rrb
-
-    return rrb.Spatial2DView(
-        origin=map_path(pair),
-        name=f"Learned: motors {pair[0].motor + 1}, {pair[1].motor + 1}",
-        visual_bounds=rrb.VisualBounds2D(x_range=MAP_X, y_range=MAP_Y),
-    )

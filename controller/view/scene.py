@@ -6,7 +6,6 @@ Lines and points are sent in whole columns, which converts a run of forty trials
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,15 +13,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Gait, Pose, Structure, Trial
+from vvvaltr.controller.core.values import Pose, Structure, Trial
 from vvvaltr.controller.runs.log import find_trial_span_ns
+from vvvaltr.controller.view.canvas import Canvas, When
+from vvvaltr.controller.view.chart import Axes, send_axes, send_chart, send_chart_styles
 from vvvaltr.controller.view.scene_forces import list_force_columns
+from vvvaltr.controller.view.scene_goals import send_goals
 from vvvaltr.controller.view.scene_styles import send_ground, send_motor_style, send_speed_styles, send_world_styles
+from vvvaltr.controller.view.speed_maps import Belief, send_map_frames, send_maps
+from vvvaltr.controller.view.words import describe, write_result, write_table
 
 if TYPE_CHECKING:
-    import rerun as rr
-
-_When = tuple[float, int]  # seconds since the run began, number of the trial
+    pass
 
 _LABEL_M = 0.07  # above the robot's centre
 _ARROW_M = 0.06  # length of a heading's arrow
@@ -41,11 +43,11 @@ class _Placed:
         return self.logged.trial
 
     @property
-    def begin(self) -> _When:
+    def begin(self) -> When:
         return self.begin_s, self.trial.number
 
     @property
-    def end(self) -> _When:
+    def end(self) -> When:
         return self.end_s, self.trial.number
 
 
@@ -53,25 +55,39 @@ class Scene:
     """Sends a run to a Rerun recording, trial by trial or all at once, on the time lines ``time`` and ``trial``.
 
     Args:
-        recording: recording to send to.
+        canvas: where to send to.
         structure: what to draw of the robot; None where that is unknown.
+        planned: number of trials that the run is to make, for the axis; 0 where that is unknown.
+        about: what the run was made with, in words.
     """
 
-    def __init__(self, recording: rr.RecordingStream, structure: Structure | None) -> None:
-        self._recording = recording
+    def __init__(self, canvas: Canvas, structure: Structure | None, planned: int = 0, about: str = "") -> None:
+        self._canvas = canvas
         self._structure = structure
+        self._planned = planned
+        self._about = about
         self._trials: list[LoggedTrial] = []
+        self._ends: list[When] = []
+        self._axes: Axes | None = None
+        self._map_range_mm_s: tuple[float, float] | None = None
         self._begin_ns: int | None = None
         self._end_ns = 0
-        send_world_styles(recording, structure)
-        send_speed_styles(recording)
+        send_world_styles(canvas, structure)
+        send_speed_styles(canvas)
+        send_chart_styles(canvas)
         if structure is not None and structure.terrain is not None:
-            send_ground(recording, structure.terrain)
+            send_ground(canvas, structure.terrain)
 
     @property
     def trials(self) -> Sequence[LoggedTrial]:
         """All trials that were sent."""
         return self._trials
+
+    def remember(self, trials: Iterable[LoggedTrial]) -> None:
+        """Take notice of trials that come before those that are sent: charts and tables count them."""
+        for logged in trials:
+            self._place(logged)
+        self._begin_ns = None  # time begins with what is shown
 
     def add(self, trials: Iterable[LoggedTrial]) -> None:
         """Send trials that follow those sent before."""
@@ -82,12 +98,30 @@ class Scene:
             self._send_motors(placed)
             self._send_speeds(placed)
             self._send_texts(placed)
+            self._send_chart(placed)
+            send_goals(self._canvas, [(it.begin, it.logged) for it in placed])
+
+    def add_belief(self, belief: Belief) -> None:
+        """Send the maps of what was believed after a trial that was sent before."""
+        count = next(place for place, it in enumerate(self._trials, 1) if it.trial.number == belief.trial)
+        range_mm_s = self._find_map_range_mm_s()
+        if send_maps(self._canvas, belief, self._trials[:count], self._ends[count - 1], range_mm_s):
+            if range_mm_s != self._map_range_mm_s:
+                send_map_frames(self._canvas, belief.space, range_mm_s)
+            self._map_range_mm_s = range_mm_s
+
+    def _find_map_range_mm_s(self) -> tuple[float, float]:
+        """Return the speeds at the ends of the maps' colours: those that were measured, so that dots and maps agree."""
+        scores = [1000.0 * logged.score for logged in self._trials if logged.score is not None] or [0.0]
+        return min(scores), max(*scores, min(scores) + 1e-3)
 
     def _place(self, logged: LoggedTrial) -> _Placed:
         begin_ns, self._end_ns = find_trial_span_ns(logged.trial, after_ns=self._end_ns)
         self._begin_ns = begin_ns if self._begin_ns is None else self._begin_ns
+        placed = _Placed(logged, (begin_ns - self._begin_ns) / 1e9, (self._end_ns - self._begin_ns) / 1e9)
         self._trials.append(logged)
-        return _Placed(logged, (begin_ns - self._begin_ns) / 1e9, (self._end_ns - self._begin_ns) / 1e9)
+        self._ends.append(placed.end)
+        return placed
 
     def _send_trails(self, placed: Sequence[_Placed]) -> None:
         """Send the whole path of each trial at its beginning, and its result above its start."""
@@ -95,10 +129,10 @@ class Scene:
 
         begins = [it.begin for it in placed]
         paths = [np.reshape([pose.position_m for pose in it.trial.poses if pose.is_finite], (-1, 3)) for it in placed]
-        self._send("world/trail", begins, rr.LineStrips3D.columns(strips=paths))
+        self._canvas.send("world/trail", begins, rr.LineStrips3D.columns(strips=paths))
         places = [np.array([0.0, 0.0, _LABEL_M]) + (path[0] if len(path) else 0.0) for path in paths]
-        labels = [f"trial {it.trial.number}: {_describe(it.logged)}" for it in placed]
-        self._send("world/label", begins, rr.Points3D.columns(positions=places, labels=labels))
+        labels = [f"trial {it.trial.number}: {describe(it.logged)}" for it in placed]
+        self._canvas.send("world/label", begins, rr.Points3D.columns(positions=places, labels=labels))
 
     def _send_robot(self, placed: Sequence[_Placed]) -> None:
         import rerun as rr
@@ -110,24 +144,24 @@ class Scene:
             if pose.is_finite
         ]
         centres_m = np.reshape([pose.position_m for _, pose in poses], (-1, 3))
-        self._send("world/robot/centre", [when for when, _ in poses], rr.Points3D.columns(positions=centres_m))
+        self._canvas.send("world/robot/centre", [when for when, _ in poses], rr.Points3D.columns(positions=centres_m))
         self._send_headings([(when, pose) for when, pose in poses if not pose.markers_m])
         if self._structure is not None:
             self._send_edges("world/robot/struts", self._structure.struts, poses)
             self._send_edges("world/robot/springs", self._structure.springs, poses)
             for path, whens, columns in list_force_columns(self._structure, poses):
-                self._send(path, whens, columns)
+                self._canvas.send(path, whens, columns)
 
-    def _send_headings(self, poses: Sequence[tuple[_When, Pose]]) -> None:
+    def _send_headings(self, poses: Sequence[tuple[When, Pose]]) -> None:
         """Send an arrow for each pose in which the tracker saw only the robot's position and heading."""
         import rerun as rr
 
         arrows = np.reshape([(math.cos(pose.yaw_rad), math.sin(pose.yaw_rad), 0.0) for _, pose in poses], (-1, 3))
         origins = np.reshape([pose.position_m for _, pose in poses], (-1, 3))
         columns = rr.Arrows3D.columns(vectors=_ARROW_M * arrows, origins=origins)
-        self._send("world/robot/heading", [when for when, _ in poses], columns)
+        self._canvas.send("world/robot/heading", [when for when, _ in poses], columns)
 
-    def _send_edges(self, path: str, edges: Sequence[tuple[int, int]], poses: Sequence[tuple[_When, Pose]]) -> None:
+    def _send_edges(self, path: str, edges: Sequence[tuple[int, int]], poses: Sequence[tuple[When, Pose]]) -> None:
         """Send a line for each pair of strut ends, for each pose in which the tracker saw all ends."""
         import rerun as rr
 
@@ -136,16 +170,17 @@ class Scene:
         if edges and seen:
             strips = np.array([markers_m for _, markers_m in seen])[:, np.array(edges)].reshape(-1, 2, 3)
             columns = rr.LineStrips3D.columns(strips=strips).partition([len(edges)] * len(seen))
-            self._send(path, [when for when, _ in seen], columns)
+            self._canvas.send(path, [when for when, _ in seen], columns)
 
     def _send_motors(self, placed: Sequence[_Placed]) -> None:
         trials = [it.trial for it in placed]
         for motor in range(max(trial.gait.motor_count for trial in trials)):
-            send_motor_style(self._recording, motor)
+            send_motor_style(self._canvas, motor)
             commanded = [_points(((it.t_s, it.gait.frequency_hz) for it in trial.commands), motor) for trial in trials]
             applied = [_points(((it.t_s, it.frequency_hz) for it in trial.states), motor) for trial in trials]
             self._send_curve(f"motors/{motor + 1}/commanded", placed, commanded)
             self._send_curve(f"motors/{motor + 1}/applied", placed, applied)
+        self._send_faults(placed)
 
     def _send_curve(
         self, path: str, placed: Sequence[_Placed], curves: Sequence[Sequence[tuple[float, float]]]
@@ -173,56 +208,38 @@ class Scene:
     def _send_texts(self, placed: Sequence[_Placed]) -> None:
         import rerun as rr
 
-        lines = [
-            f"{it.trial.number}: {_describe(it.logged)}, {_write_gait(it.trial.gait)} ({it.logged.suggestion.origin})"
-            for it in placed
-        ]
-        levels = ["INFO" if it.logged.score is not None else "WARN" for it in placed]
-        self._send("trials", [it.end for it in placed], rr.TextLog.columns(text=lines, level=levels))
+        first, ends = len(self._trials) - len(placed), [it.end for it in placed]
+        sofar = [self._trials[: first + place] for place in range(1, len(placed) + 1)]
+        about = f"\n\n{self._about}" if self._about else ""
+        for path, texts in (
+            ("result", [write_result(trials) + about for trials in sofar]),
+            ("trials", list(map(write_table, sofar))),
+        ):
+            media = ["text/markdown"] * len(texts)
+            self._canvas.send(path, ends, rr.TextDocument.columns(text=texts, media_type=media))
 
-    def _send_scalars(self, path: str, whens: Sequence[_When], values: Any) -> None:
+    def _send_chart(self, placed: Sequence[_Placed]) -> None:
+        """Send the chart of speeds; where the axes no longer hold all trials, with new axes."""
+        axes = Axes.around(self._trials, self._planned)
+        has_new_kind = any(it.logged.score is None or it.logged.review.is_suspect for it in placed)
+        if axes != self._axes or has_new_kind:
+            self._axes = axes
+            send_axes(self._canvas, axes, self._trials, [it.begin if len(placed) > 1 else it.end for it in placed])
+        send_chart(self._canvas, axes, self._trials, self._ends, len(placed))
+
+    def _send_faults(self, placed: Sequence[_Placed]) -> None:
+        """Mark where a trial ended for want of a measurement, above the curves of the motors."""
         import rerun as rr
 
-        self._send(path, whens, rr.Scalars.columns(scalars=values))
+        failed = [it for it in placed if not it.trial.outcome.is_valid]
+        heights = [max(map(abs, it.trial.gait.frequency_hz), default=0.0) for it in failed]
+        self._canvas.send("motors/fault", [it.end for it in failed], rr.Scalars.columns(scalars=heights))
 
-    def _send(self, path: str, whens: Sequence[_When], columns: rr.ComponentColumnList) -> None:
+    def _send_scalars(self, path: str, whens: Sequence[When], values: Any) -> None:
         import rerun as rr
 
-        if whens:
-            times_s, numbers = zip(*whens, strict=True)
-            indexes = [rr.TimeColumn("time", duration=times_s), rr.TimeColumn("trial", sequence=numbers)]
-            self._recording.send_columns(path, indexes, columns)
+        self._canvas.send(path, whens, rr.Scalars.columns(scalars=values))
 
 
 def _points(series: Iterable[tuple[float, Sequence[float]]], motor: int) -> list[tuple[float, float]]:
     return [(t_s, values[motor]) for t_s, values in series if motor < len(values)]
-
-
-def _write_gait(gait: Gait) -> str:
-    """Return the frequencies of a gait as text."""
-    return " / ".join(f"{frequency:.1f}" for frequency in gait.frequency_hz) + " Hz"
-
-
-def write_result(trials: Sequence[LoggedTrial]) -> str:
-    """Return the result of a run as Markdown."""
-    outcomes = Counter(logged.trial.outcome.value.replace("_", " ") for logged in trials)
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
-    recommended = [logged.recommendation for logged in trials if logged.recommendation is not None]
-    measured = [logged for logged in trials if logged.score is not None]
-    if not recommended or not measured:
-        return f"### No gait yet\n\nTrials: {counts}."
-    best, luckiest = recommended[-1], max(measured, key=lambda logged: logged.score or 0.0)
-    estimate = best.estimate
-    return (
-        f"### Best gait: {_write_gait(best.gait)}\n\n"
-        f"**{1000 * estimate.mean:.1f} mm/s** (posterior mean), "
-        f"95 % interval {1000 * estimate.low:.1f} to {1000 * estimate.high:.1f} mm/s\n\n"
-        f"{len(trials)} trials: {counts}\n\n"
-        f"The fastest single trial was {luckiest.trial.number} with {_describe(luckiest)}; one trial alone may be luck."
-    )
-
-
-def _describe(logged: LoggedTrial) -> str:
-    if logged.score is None:
-        return f"{logged.trial.outcome.value.replace('_', ' ')}: {logged.trial.reason}"
-    return f"{1000 * logged.score:.1f} mm/s"

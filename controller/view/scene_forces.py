@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vvvaltr.controller.core.values import Forces, Pose, Structure, Vector
+from vvvaltr.controller.view.canvas import Canvas, When
 
 if TYPE_CHECKING:
     import rerun as rr
-
-When = tuple[float, int]  # seconds since the run began, number of the trial
 
 _UNKNOWN = (150, 158, 170)
 _TENSION_SHARES = (0.7, 1.0, 1.3)  # shares of the median tension, with these colours; between them they are mixed
@@ -23,7 +22,7 @@ _PUSH = (235, 130, 225)
 _ARROW_M_N = 0.05  # length of an arrow per newton
 
 
-def send_force_styles(recording: rr.RecordingStream) -> None:
+def send_force_styles(canvas: Canvas) -> None:
     """Send the sizes and colours of all forces, which stay the same."""
     import rerun as rr
 
@@ -32,7 +31,7 @@ def send_force_styles(recording: rr.RecordingStream) -> None:
         ("ground_forces", rr.Arrows3D.from_fields(colors=_CONTACT, radii=0.001)),
         ("motor_forces", rr.Arrows3D.from_fields(colors=_PUSH, radii=0.001)),
     ):
-        recording.log(f"world/robot/{path}", style, static=True)
+        canvas.log(f"world/robot/{path}", style)
 
 
 def list_force_columns(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +12,18 @@ from numpy.typing import NDArray
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Parameter, Quantity
-
-if TYPE_CHECKING:
-    import rerun as rr
+from vvvaltr.controller.view.canvas import Canvas, When
+from vvvaltr.controller.view.chart import ticks
 
 Pair = tuple[Parameter, Parameter]  # the searched frequencies of two motors
+Predict = Callable[[Sequence[Gait]], tuple[Estimate, ...]]
 
 _POINTS = 25  # along each side of a map
 # Bounds of a map's view, in points of the map: the picture, ticks on two sides, the colour scale on the right.
-MAP_X = (-8.0, _POINTS + 9.0)
-MAP_Y = (-5.0, _POINTS + 8.0)
-_BEST = (255, 60, 60)
+MAP_X = (-6.5, _POINTS + 9.5)
+MAP_Y = (-6.0, _POINTS + 8.0)
+_MARKS = {"best": (255, 70, 70), "next": (255, 255, 255)}
+_TEXT = (190, 194, 200)
 # The colour map viridis at nine places, from dark to bright.
 _VIRIDIS = np.array(
     [
@@ -41,21 +41,25 @@ _VIRIDIS = np.array(
 
 
 @dataclass(frozen=True, slots=True)
-class Learned:
-    """What a run has learned.
+class Belief:
+    """What a run believed after one of its trials.
 
     Args:
-        space: gaits that were searched.
+        trial: number of that trial.
+        space: gaits that are searched.
         predict: returns the estimated mean speed of each gait, in m/s.
+        next_gait: the gait that is tried next; None where that is not known.
     """
 
+    trial: int
     space: GaitSpace
-    predict: Callable[[Sequence[Gait]], tuple[Estimate, ...]]
+    predict: Predict
+    next_gait: Gait | None = None
 
-    @property
-    def pairs(self) -> tuple[Pair, ...]:
-        """All pairs of searched frequencies, each the axes of a map."""
-        return tuple(combinations((p for p in self.space.parameters if p.quantity is Quantity.FREQUENCY), 2))
+
+def list_pairs(space: GaitSpace) -> tuple[Pair, ...]:
+    """Return all pairs of searched frequencies, each the axes of a map."""
+    return tuple(combinations((p for p in space.parameters if p.quantity is Quantity.FREQUENCY), 2))
 
 
 def map_path(pair: Pair) -> str:
@@ -63,30 +67,46 @@ def map_path(pair: Pair) -> str:
     return f"learned/motors_{pair[0].motor + 1}_{pair[1].motor + 1}"
 
 
-def send_maps(recording: rr.RecordingStream, learned: Learned, trials: Sequence[LoggedTrial]) -> None:
-    """Send the map of each pair of motors; all other parameters are those of the last recommended gait."""
+def send_maps(
+    canvas: Canvas, belief: Belief, trials: Sequence[LoggedTrial], when: When, range_mm_s: tuple[float, float]
+) -> bool:
+    """Send the map of each pair of motors; all other parameters are those of the last recommended gait.
+
+    Returns whether there is anything to map: a gait must have been recommended.
+
+    Args:
+        canvas: where to send to.
+        belief: what is believed after ``trials``.
+        trials: the trials so far.
+        when: when the last of them ended.
+        range_mm_s: speeds at the two ends of the colours.
+    """
     recommended = [logged.recommendation for logged in trials if logged.recommendation is not None]
     if not recommended:
-        return
-    held = recommended[-1].gait
-    speeds = {pair: _speeds_mm_s(learned, pair, held) for pair in learned.pairs}
-    low, high = min(map(np.min, speeds.values()), default=0.0), max(map(np.max, speeds.values()), default=1.0)
-    tried = [logged.trial.gait for logged in trials if logged.score is not None]
-    for pair, values in speeds.items():
-        _send_map(recording, pair, (values - low) / max(high - low, 1e-9))
-        _send_gaits(recording, pair, tried, held)
-        _send_axes(recording, pair, low, high)
+        return False
+    held, low, high = recommended[-1].gait, *range_mm_s
+    for pair in list_pairs(belief.space):
+        speeds = speeds_mm_s(belief.predict, pair, held, _POINTS)
+        _send_map(canvas, pair, when, np.clip((speeds - low) / (high - low), 0.0, 1.0))
+        _send_gaits(canvas, pair, when, trials, (held, belief.next_gait), range_mm_s)
+    return True
 
 
-def _speeds_mm_s(learned: Learned, pair: Pair, held: Gait) -> Array:
+def send_map_frames(canvas: Canvas, space: GaitSpace, range_mm_s: tuple[float, float]) -> None:
+    """Send what all maps have around them: axes, and the scale of colours, which spans ``range_mm_s``."""
+    for pair in list_pairs(space):
+        _send_axes(canvas, pair, *range_mm_s)
+
+
+def speeds_mm_s(predict: Predict, pair: Pair, held: Gait, points: int) -> Array:
     """Return the expected speeds, (points, points): a row per frequency of the second motor, a column of the first."""
     gaits = []
-    for second in np.linspace(pair[1].low, pair[1].high, _POINTS):
-        for first in np.linspace(pair[0].low, pair[0].high, _POINTS):
+    for second in np.linspace(pair[1].low, pair[1].high, points):
+        for first in np.linspace(pair[0].low, pair[0].high, points):
             frequency_hz = list(held.frequency_hz)
             frequency_hz[pair[0].motor], frequency_hz[pair[1].motor] = float(first), float(second)
             gaits.append(replace(held, frequency_hz=tuple(frequency_hz)))
-    return 1000.0 * np.array([estimate.mean for estimate in learned.predict(gaits)]).reshape(_POINTS, _POINTS)
+    return 1000.0 * np.array([estimate.mean for estimate in predict(gaits)]).reshape(points, points)
 
 
 def _place(pair: Pair, first_hz: float, second_hz: float) -> tuple[float, float]:
@@ -95,53 +115,85 @@ def _place(pair: Pair, first_hz: float, second_hz: float) -> tuple[float, float]
     return 0.5 + across * (_POINTS - 1), 0.5 + (1.0 - up) * (_POINTS - 1)
 
 
-def _send_map(recording: rr.RecordingStream, pair: Pair, shares: Array) -> None:
+def _send_map(canvas: Canvas, pair: Pair, when: When, shares: Array) -> None:
     import rerun as rr
 
-    picture = rr.Image(_colours(np.flipud(shares)), magnification_filter="Linear")
-    recording.log(f"{map_path(pair)}/speed", picture, static=True)
+    shape = rr.components.ImageFormat(width=_POINTS, height=_POINTS, color_model="RGB", channel_datatype="U8")
+    pixels = colours(np.flipud(shares)).reshape(1, -1)
+    path = f"{map_path(pair)}/speed"
+    canvas.send(path, [when], rr.Image.columns(buffer=pixels, format=[shape]))
+    canvas.log(path, rr.Image.from_fields(magnification_filter="Linear", draw_order=1.0))
 
 
-def _colours(shares: Array) -> NDArray[np.uint8]:
+def colours(shares: Array) -> NDArray[np.uint8]:
     """Return the colours, shape (..., 3), of numbers from 0 to 1, shape (...)."""
     places = np.linspace(0.0, 1.0, len(_VIRIDIS))
     return np.stack([np.interp(shares, places, part) for part in _VIRIDIS.T], axis=-1).astype(np.uint8)
 
 
-def _send_gaits(recording: rr.RecordingStream, pair: Pair, tried: Sequence[Gait], best: Gait) -> None:
+def _send_gaits(
+    canvas: Canvas,
+    pair: Pair,
+    when: When,
+    trials: Sequence[LoggedTrial],
+    marked: tuple[Gait, Gait | None],
+    range_mm_s: tuple[float, float],
+) -> None:
+    """Send the gaits that were tried, coloured by their speed, the recommended one, and the one that is next."""
     import rerun as rr
 
     first, second = pair[0].motor, pair[1].motor
-    places = [_place(pair, gait.frequency_hz[first], gait.frequency_hz[second]) for gait in (*tried, best)]
-    dots = rr.Points2D(places[:-1], colors=(255, 255, 255), radii=0.2)
-    recording.log(f"{map_path(pair)}/tried", dots, static=True)
-    recording.log(f"{map_path(pair)}/best", rr.Points2D(places[-1:], colors=_BEST, radii=0.6), static=True)
+    low, high = range_mm_s
+    scored = [(logged.trial.gait, 1000.0 * logged.score) for logged in trials if logged.score is not None]
+    dots = [_place(pair, gait.frequency_hz[first], gait.frequency_hz[second]) for gait, _ in scored]
+    shades = colours(np.clip((np.array([speed for _, speed in scored]) - low) / (high - low), 0.0, 1.0))
+    for name, radius, order, shade in (("rim", 3.4, 2.0, np.zeros_like(shades)), ("tried", 2.4, 3.0, shades)):
+        path = f"{map_path(pair)}/{name}"
+        canvas.log(path, rr.Points2D.from_fields(radii=-radius, draw_order=order))
+        columns = rr.Points2D.columns(positions=dots, colors=shade)
+        canvas.send(path, [when], columns.partition([len(dots)]))
+    for name, shape, gait in (("best", _star, marked[0]), ("next", _ring, marked[1])):
+        path = f"{map_path(pair)}/{name}"
+        canvas.log(path, rr.LineStrips2D.from_fields(colors=_MARKS[name], radii=-1.6, draw_order=4.0))
+        known = [] if gait is None else [shape(_place(pair, gait.frequency_hz[first], gait.frequency_hz[second]))]
+        canvas.send(path, [when], rr.LineStrips2D.columns(strips=known).partition([len(known)]))
 
 
-def _send_axes(recording: rr.RecordingStream, pair: Pair, low: float, high: float) -> None:
-    """Send ticks in Hz along two sides, and a scale of colours in mm/s."""
+def _ring(centre: tuple[float, float]) -> list[tuple[float, float]]:
+    turns = np.linspace(0.0, 2.0 * np.pi, 25)
+    return [(centre[0] + 1.1 * float(np.cos(a)), centre[1] + 1.1 * float(np.sin(a))) for a in turns]
+
+
+def _star(centre: tuple[float, float]) -> list[tuple[float, float]]:
+    """Return the outline of a star with five points."""
+    turns = -0.5 * np.pi + np.linspace(0.0, 2.0 * np.pi, 11)
+    radii = [1.6 if place % 2 == 0 else 0.7 for place in range(11)]
+    return [
+        (centre[0] + r * float(np.cos(a)), centre[1] + r * float(np.sin(a))) for a, r in zip(turns, radii, strict=True)
+    ]
+
+
+def _send_axes(canvas: Canvas, pair: Pair, low: float, high: float) -> None:
+    """Send ticks in Hz along two sides, a scale of colours in mm/s, and what the marks are."""
     import rerun as rr
 
-    right, left, below = _POINTS + 2.0, -3.0, _POINTS + 2.0
-    ticks = [
-        ((_POINTS / 2, below + 3.0), f"motor {pair[0].motor + 1} (Hz)"),
-        ((left + 4.0, -3.0), f"motor {pair[1].motor + 1} (Hz)"),
-        ((right + 1.0, -3.0), "mm/s"),
+    # Rerun writes a label a little below its place.
+    texts: list[tuple[tuple[float, float], str, tuple[int, int, int]]] = [
+        ((_POINTS / 2, _POINTS + 3.4), f"motor {pair[0].motor + 1} (Hz)", _TEXT),
+        ((1.0, -5.2), f"motor {pair[1].motor + 1} (Hz)", _TEXT),
+        ((_POINTS + 5.0, -5.2), "mm/s", _TEXT),
     ]
-    for share in (0.0, 1.0):
-        first, second = (p.low + share * (p.high - p.low) for p in pair)
-        across, down = share * _POINTS, (1.0 - share) * _POINTS
-        ticks += [((across, below), f"{first:.0f}"), ((left, down), f"{second:.0f}")]
-        ticks.append(((right + 4.0, down), f"{low + share * (high - low):.0f}"))
-    texts = rr.Points2D(
-        [place for place, _ in ticks],
-        labels=[text for _, text in ticks],
-        radii=0.0,
-        colors=(180, 180, 180),
-        show_labels=True,
-    )
-    recording.log(f"{map_path(pair)}/axes", texts, static=True)
-    heights = np.linspace(_POINTS, 0.0, 33)
+    for hz in ticks(pair[0].low, pair[0].high, 3):
+        texts.append(((_place(pair, hz, pair[1].low)[0], _POINTS + 0.2), f"{hz:g}", _TEXT))
+    for hz in ticks(pair[1].low, pair[1].high, 3):
+        texts.append(((-2.2, _place(pair, pair[0].low, hz)[1] - 1.5), f"{hz:g}", _TEXT))
+    for speed in ticks(low, high, 4):
+        height = _POINTS * (1.0 - (speed - low) / (high - low))
+        texts.append(((_POINTS + 5.6, height - 1.5), f"{speed:g}", _TEXT))
+    places, labels, shades = zip(*texts, strict=True)
+    points = rr.Points2D(places, labels=labels, radii=0.0, colors=shades, show_labels=True)
+    canvas.log(f"{map_path(pair)}/axes", points)
+    right, heights = _POINTS + 2.5, np.linspace(_POINTS - 0.4, 0.4, 129)
     strips = [[(right, a), (right, b)] for a, b in pairwise(heights)]
-    bar = rr.LineStrips2D(strips, colors=_colours(np.linspace(0.0, 1.0, 32)), radii=0.5)
-    recording.log(f"{map_path(pair)}/scale", bar, static=True)
+    bar = rr.LineStrips2D(strips, colors=colours(np.linspace(0.0, 1.0, 128)), radii=0.5)
+    canvas.log(f"{map_path(pair)}/scale", bar)

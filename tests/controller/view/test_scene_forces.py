@@ -10,7 +10,7 @@ from rerun.chunk import RrdReader
 from sample_run import sample_run
 
 from vvvaltr.controller.core.records import Run
-from vvvaltr.controller.view.recording import save_recording
+from vvvaltr.controller.view.recording import Shown, save_recording
 
 RUN = sample_run(trials=1)
 POSES = RUN.trials[0].trial.poses
@@ -18,7 +18,7 @@ POSES = RUN.trials[0].trial.poses
 
 def column(folder: Path, run: Run, entity: str, name: str) -> list:
     """Return what a recording of ``run`` holds of an entity, a list for each pose."""
-    save_recording(run, folder / "run.rrd", "sample")
+    save_recording(folder / "run.rrd", Shown(run, "sample"))
     return [
         value
         for chunk in RrdReader(folder / "run.rrd").stream().to_chunks()

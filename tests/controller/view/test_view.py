@@ -20,9 +20,11 @@ from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import Run
 from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Outcome, Pose, Structure
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
-from vvvaltr.controller.view.recording import LiveView, save_recording, show
-from vvvaltr.controller.view.scene import write_result
-from vvvaltr.controller.view.speed_maps import Learned
+from vvvaltr.controller.view.chart import Axes
+from vvvaltr.controller.view.recording import LiveView, Shown, save_recording, show
+from vvvaltr.controller.view.showing import save_runs
+from vvvaltr.controller.view.speed_maps import Belief
+from vvvaltr.controller.view.words import describe, write_about, write_result, write_table
 
 RUN = sample_run(trials=4, poses=21)
 SPACE = GaitSpace.over(3, -16.0, 16.0)
@@ -42,8 +44,14 @@ def tables(recording: Path) -> dict[str, list[pyarrow.RecordBatch]]:
     return found
 
 
-def saved(folder: Path, run: Run, learned: Learned | None = None) -> dict[str, list[pyarrow.RecordBatch]]:
-    save_recording(run, folder / "run.rrd", "sample", learned)
+def with_maps(run: Run) -> Shown:
+    """Return a run that is shown with the maps of two of its trials."""
+    last = run.trials[-1].trial
+    return Shown(run, "sample", SPACE, (Belief(1, SPACE, predict, last.gait), Belief(last.number, SPACE, predict)))
+
+
+def saved(folder: Path, *shown: Shown | Run) -> dict[str, list[pyarrow.RecordBatch]]:
+    save_recording(folder / "run.rrd", *(it if isinstance(it, Shown) else Shown(it, "sample") for it in shown))
     return tables(folder / "run.rrd")
 
 
@@ -65,7 +73,7 @@ def rerun(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 
 def test_rerun_accepts_the_recording(tmp_path: Path) -> None:
-    saved(tmp_path, RUN, Learned(SPACE, predict))
+    saved(tmp_path, with_maps(RUN))
     done = rerun("rrd", "verify", tmp_path / "run.rrd")
     assert done.returncode == 0, done.stderr
 
@@ -136,18 +144,110 @@ def test_both_time_lines_lead_through_the_run(tmp_path: Path) -> None:
 
 
 def test_the_maps_show_the_expected_speed_of_each_pair_of_motors(tmp_path: Path) -> None:
-    found = saved(tmp_path, RUN, Learned(SPACE, predict))
+    found = saved(tmp_path, with_maps(RUN))
     assert {path.split("/")[2] for path in found if path.startswith("/learned/")} == {
         "motors_1_2",
         "motors_1_3",
         "motors_2_3",
     }
-    (picture,) = column(found["/learned/motors_1_2/speed"], "buffer")
+    _, picture = column(found["/learned/motors_1_2/speed"], "buffer")
     pixels = [tuple(picture[0][at : at + 3]) for at in range(0, 25 * 25 * 3, 3)]
     assert pixels[0] == (68, 1, 84)  # slow to the left, fast to the right
-    assert pixels[24] == (253, 231, 37)
+    assert sum(pixels[24]) > sum(pixels[0])
     (axes,) = column(found["/learned/motors_1_2/axes"], "labels")
-    assert {"motor 1 (Hz)", "motor 2 (Hz)", "mm/s", "-16", "16"} <= set(axes)
+    assert {"motor 1 (Hz)", "motor 2 (Hz)", "mm/s", "-10", "10"} <= set(axes)
+
+
+def test_the_maps_tell_the_speed_of_each_trial_the_best_gait_and_the_next_one(tmp_path: Path) -> None:
+    found = saved(tmp_path, with_maps(RUN))
+    early, late = column(found["/learned/motors_1_2/tried"], "positions")
+    assert (len(early), len(late)) == (1, 3)  # one of the four measured nothing
+    colours = column(found["/learned/motors_1_2/tried"], "colors")[-1]
+    assert len(set(colours)) > 1
+    assert [len(each) for each in column(found["/learned/motors_1_2/best"], "strips")] == [1, 1]
+    assert [len(each) for each in column(found["/learned/motors_1_2/next"], "strips")] == [1, 0]
+
+
+def test_what_is_known_grows_with_the_trials(tmp_path: Path) -> None:
+    found = saved(tmp_path, with_maps(RUN))
+    assert [len(each) for each in column(found["/chart/measured"], "positions")] == [1, 2, 3, 4]
+    assert [text.splitlines()[2].split(" |")[0] for (text,) in column(found["/trials"], "text")] == [
+        "| 1",
+        "| 2",
+        "| 3",
+        "| 4",
+    ]
+    assert [len(each[0]) for each in column(found["/chart/mean"], "strips")] == [1, 1, 2, 3]
+    assert column(found["/learned/motors_1_2/speed"], "trial") == [1, 4]
+
+
+def test_the_axis_of_speeds_follows_what_was_measured_and_not_the_first_interval() -> None:
+    first = replace(RUN.trials[0].recommendation, estimate=Estimate(0.0, -1.0, 1.0))
+    trials = (replace(RUN.trials[0], recommendation=first), *RUN.trials[1:])
+    axes = Axes.around(trials)
+    fastest = max(1000 * logged.score for logged in trials if logged.score is not None)
+    assert axes.low == 0
+    assert fastest < axes.high < 3 * fastest
+
+
+def test_the_table_tells_why_a_trial_measured_nothing_and_why_one_is_suspect() -> None:
+    rows = write_table(RUN.trials).splitlines()
+    assert rows[0] == "| trial | gait (Hz) | mm/s | outcome | why |"
+    assert "no pose for 0.3 s: is the tag in view?" in rows[4]
+    assert "suspect: turned faster than it can" in rows[2]
+
+
+def test_a_trial_without_a_measurement_is_marked_on_the_motors_plot(tmp_path: Path) -> None:
+    found = saved(tmp_path, RUN)
+    assert column(found["/motors/fault"], "trial") == [2]
+
+
+def test_goal_and_predicted_displacement_of_steering_are_drawn(tmp_path: Path) -> None:
+    found = saved(tmp_path, RUN)
+    assert column(found["/world/goal"], "positions")[0][0] == pytest.approx([0.3, 0.1, 0.002])
+    start = RUN.trials[0].movement.start.yaw_rad
+    assert column(found["/world/plan"], "vectors")[0][0] == pytest.approx(
+        [0.04 * math.cos(start), 0.04 * math.sin(start), 0.0], abs=1e-6
+    )
+
+
+def test_one_trial_is_shown_alone_with_what_was_known_after_it(tmp_path: Path) -> None:
+    found = saved(tmp_path, replace(with_maps(RUN), trial=3))
+    assert set(column(found["/world/robot/struts"], "trial")) == {3}
+    assert [len(each) for each in column(found["/chart/measured"], "positions")] == [3]
+    assert column(found["/world/robot/struts"], "time")[0].total_seconds() == 0
+
+
+def test_a_trial_that_does_not_exist_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"sample has no trial 17: it has 4, counted from 1"):
+        saved(tmp_path, replace(with_maps(RUN), trial=17))
+
+
+def test_runs_are_shown_side_by_side_below_their_names(tmp_path: Path) -> None:
+    found = saved(tmp_path, Shown(RUN, "source"), Shown(RUN, "target"))
+    for root in ("/source", "/target"):
+        assert len(column(found[f"{root}/world/robot/struts"], "strips")) == 4 * 21
+    same = saved(tmp_path, Shown(RUN, "flat"), Shown(RUN, "flat"))
+    assert {"/flat (1)/result", "/flat (2)/result"} <= {path.replace("\\", "") for path in same}
+
+
+def test_a_twin_says_that_its_scatter_is_simulated() -> None:
+    assert "scatter between repeats is simulated" in write_about(replace(RUN, about={"robot": "planar"}))
+    assert "simulated" not in write_about(replace(RUN, about={"robot": "robot.toml"}))
+
+
+def test_a_letter_that_the_viewers_font_lacks_is_not_sent_to_it() -> None:
+    failed = logged_trial(1, outcome=Outcome.LINK_LOST)
+    reason = replace(failed, trial=replace(failed.trial, reason="線 broke ▬ é"))
+    assert "?? broke" not in describe(reason)
+    assert "? broke ? é" in describe(reason)
+
+
+def test_a_bare_log_opens_as_well_as_its_directory(tmp_path: Path) -> None:
+    with RunLog.create(tmp_path / "elsewhere.mcap", RUN.structure) as log:
+        log.append(RUN.trials[0])
+    save_runs([tmp_path / "elsewhere.mcap"], tmp_path / "run.rrd")
+    assert len(column(tables(tmp_path / "run.rrd")["/world/robot/struts"], "strips")) == 21
 
 
 def test_before_the_first_valid_trial_there_is_nothing_to_map(tmp_path: Path) -> None:
@@ -155,7 +255,7 @@ def test_before_the_first_valid_trial_there_is_nothing_to_map(tmp_path: Path) ->
         raise ValueError("nothing learned yet")
 
     failed = Run(STRUCTURE, (), (logged_trial(1, outcome=Outcome.LINK_LOST),))
-    found = saved(tmp_path, failed, Learned(SPACE, unready))
+    found = saved(tmp_path, Shown(failed, "sample", SPACE, (Belief(1, SPACE, unready),)))
     assert not any(path.startswith("/learned/") for path in found)
     assert "No gait yet" in column(found["/result"], "text")[0][0]
 
@@ -183,14 +283,14 @@ def test_the_result_tells_the_posterior_and_not_the_luckiest_trial() -> None:
     ids=["empty", "no structure", "nothing recorded", "markers missing", "no number"],
 )
 def test_a_run_that_lacks_something_is_shown_without_it(tmp_path: Path, run: Run) -> None:
-    found = saved(tmp_path, run, Learned(SPACE, predict))
-    assert "/result" in found
+    found = saved(tmp_path, Shown(run, "sample", SPACE))
+    assert ("/result" in found) == bool(run.trials)
     assert column(found.get("/world/robot/struts", []), "strips") == []
 
 
 def test_an_unwritable_recording_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"nowhere/run\.rrd cannot be written"):
-        save_recording(RUN, tmp_path / "nowhere" / "run.rrd", "sample")
+        save_recording(tmp_path / "nowhere" / "run.rrd", Shown(RUN, "sample"))
 
 
 def test_a_full_disk_ends_the_recording_leaves_nothing_and_does_not_fail_the_run(tmp_path: Path) -> None:
@@ -218,7 +318,7 @@ def test_without_a_screen_the_user_is_told_what_else_there_is(monkeypatch: pytes
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(UserError, match=r"no screen.*--web.*--save"):
-        show(RUN, "sample")
+        show(Shown(RUN, "sample"))
 
 
 def receive(live: LiveView, path: Path) -> dict[str, list[pyarrow.RecordBatch]]:
@@ -250,12 +350,12 @@ def wait_until_complete(path: Path) -> None:
 
 
 def test_a_live_view_serves_the_run_to_a_viewer_that_comes_late(tmp_path: Path) -> None:
-    live = LiveView(replace(RUN, trials=RUN.trials[:2]), "sample", Learned(SPACE, predict))
+    live = LiveView(replace(RUN, trials=RUN.trials[:2]), "sample", SPACE, predict)
     for logged in RUN.trials[2:]:
         live.on_trial(logged)
     received = receive(live, tmp_path / "received.rrd")
     live.close()
-    assert set(received) == set(saved(tmp_path, RUN, Learned(SPACE, predict)))
+    assert set(received) == set(saved(tmp_path, with_maps(RUN)))
     assert len(column(received["/world/robot/struts"], "strips")) == 4 * 21
 
 
@@ -263,7 +363,7 @@ def test_a_live_view_of_a_resumed_run_asks_nothing_of_an_optimiser_that_was_told
     def unready(gaits: list[Gait]) -> tuple[Estimate, ...]:
         raise ValueError("nothing learned yet")
 
-    LiveView(RUN, "sample", Learned(SPACE, unready)).close()
+    LiveView(RUN, "sample", SPACE, unready).close()
 
 
 def test_a_live_view_without_a_viewer_costs_nothing_but_its_own_work() -> None:

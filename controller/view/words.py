@@ -1,0 +1,86 @@
+"""A run in words, as Markdown: its result, and a table of its trials."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.values import Gait
+
+_TABLE_ROWS = 60  # the newest trials; `vvvaltr export` has all
+_FIRST_LACKING = 0x250  # Latin letters are all there
+_TWINS = ("planar", "spatial")
+
+
+def write_gait(gait: Gait) -> str:
+    """Return the frequencies of a gait as text."""
+    return " / ".join(f"{frequency:.1f}" for frequency in gait.frequency_hz) + " Hz"
+
+
+def describe(logged: LoggedTrial) -> str:
+    """Return what a trial came to: its speed, or why it measured nothing."""
+    if logged.score is None:
+        return f"{name_outcome(logged)}: {drawable(logged.trial.reason)}"
+    return f"{1000 * logged.score:.1f} mm/s" + (", suspect" if logged.review.is_suspect else "")
+
+
+def drawable(text: str) -> str:
+    """Return a text with a question mark for each character that Rerun's font lacks, which would end the viewer."""
+    return "".join(c if c in "\n\t" or (c.isprintable() and ord(c) < _FIRST_LACKING) else "?" for c in text)
+
+
+def name_outcome(logged: LoggedTrial) -> str:
+    """Return how a trial ended, in words."""
+    return logged.trial.outcome.value.replace("_", " ")
+
+
+def write_about(run: Run, has_maps: bool = False) -> str:
+    """Return what the run was made with, of a twin that its scatter is simulated, and what the maps show."""
+    about = [f"{key} {run.about[key]}" for key in ("robot", "seed", "version", "date") if key in run.about]
+    if run.about.get("robot") in _TWINS:
+        about.append("a twin: the scatter between repeats is simulated")
+    maps = (
+        "Maps: speed expected over two motors, the others as in the best gait. Dots: trials, by their speed; "
+        "star: best gait; ring: the next one."
+    )
+    return drawable("\n\n".join(filter(None, (maps if has_maps else "", "; ".join(about)))))
+
+
+def write_result(trials: Sequence[LoggedTrial]) -> str:
+    """Return the result of a run, or of its first trials."""
+    outcomes = Counter(map(name_outcome, trials))
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
+    recommended = [logged.recommendation for logged in trials if logged.recommendation is not None]
+    measured = [logged for logged in trials if logged.score is not None]
+    if not recommended or not measured:
+        return f"### No gait yet\n\nTrials: {counts}."
+    best, luckiest = recommended[-1], max(measured, key=lambda logged: logged.score or 0.0)
+    estimate = best.estimate
+    return (
+        f"### Best gait: {write_gait(best.gait)}\n\n"
+        f"**{1000 * estimate.mean:.1f} mm/s** (posterior mean), "
+        f"95 % interval {1000 * estimate.low:.1f} to {1000 * estimate.high:.1f} mm/s\n\n"
+        f"{len(trials)} trials: {counts}\n\n"
+        f"The fastest single trial was {luckiest.trial.number} with {describe(luckiest)}; one trial alone may be luck."
+    )
+
+
+def write_table(trials: Sequence[LoggedTrial]) -> str:
+    """Return the newest trials as a table, the newest one first."""
+    lines = ["| trial | gait (Hz) | mm/s | outcome | why |", "|--:|---|--:|---|---|"]
+    for logged in reversed(trials[-_TABLE_ROWS:]):
+        speed = "" if logged.score is None else f"{1000 * logged.score:.1f}"
+        gait = write_gait(logged.trial.gait).removesuffix(" Hz")
+        cells = (str(logged.trial.number), gait, speed, name_outcome(logged), _reason(logged))
+        lines.append(f"| {' | '.join(cells)} |")
+    if len(trials) > _TABLE_ROWS:
+        lines.append(f"\n{len(trials) - _TABLE_ROWS} earlier trials are not listed; vvvaltr export writes all.")
+    return "\n".join(lines)
+
+
+def _reason(logged: LoggedTrial) -> str:
+    """Return why a trial ended as it did, what is suspect about it, and whether it belongs to no search."""
+    suspicion = f"suspect: {logged.review.suspicion}" if logged.review.is_suspect else ""
+    text = "; ".join(filter(None, (logged.trial.reason, suspicion)))
+    return drawable(text or logged.suggestion.origin).replace("|", "/").replace("\n", " ")
