@@ -29,7 +29,7 @@ from vvvaltr.drivers.qik import line as qik
 from vvvaltr.drivers.qik import protocol as qik_protocol
 from vvvaltr.drivers.qik.mock import QikDevice
 from vvvaltr.drivers.qik.table import QikLineTable, QikMotorTable
-from vvvaltr.drivers.trackers.stream.tracker import decode_pose, encode_pose
+from vvvaltr.drivers.trackers.stream.message import decode_pose, encode_pose
 
 _MAX_HZ = 16.5
 
@@ -271,7 +271,7 @@ def tracker() -> Decoder:
         with suppress(ValueError):
             decode_pose(data)
 
-    return Decoder("tracker", feed, (pose,), lambda: decode_pose(pose)[0] == 1)
+    return Decoder("tracker", feed, (pose,), lambda: decode_pose(pose).sequence == 1)
 
 
 def _check_bounds(applied_hz: tuple[float, ...]) -> None:

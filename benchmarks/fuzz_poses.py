@@ -32,7 +32,7 @@ from vvvaltr.drivers.trackers.natnet import mock as natnet_mock
 from vvvaltr.drivers.trackers.natnet import protocol as natnet
 from vvvaltr.drivers.trackers.newest import NewestPose
 from vvvaltr.drivers.trackers.qtm.protocol import HEADER, Component, Kind, frame, packet, text
-from vvvaltr.drivers.trackers.stream.tracker import decode_pose, encode_pose
+from vvvaltr.drivers.trackers.stream.message import decode_pose, encode_pose
 
 Seen = tuple[float, ...]
 """A pose as a decoder understands it: its numbers."""
@@ -235,7 +235,7 @@ def stream_decoder() -> PoseDecoder:
 
     def poses(datagram: bytes) -> list[Seen]:
         with suppress(ValueError):
-            pose = decode_pose(datagram)[1]
+            pose = decode_pose(datagram).pose
             return [] if pose is None else [_numbers(pose)]
         return []
 

@@ -11,7 +11,9 @@ import pytest
 from moving import is_pose, until
 
 from vvvaltr.drivers.trackers.attitude import quaternion_of
-from vvvaltr.drivers.trackers.stream.tracker import StreamTracker, decode_pose
+from vvvaltr.drivers.trackers.stream.message import decode_pose
+from vvvaltr.drivers.trackers.stream.table import StreamTable
+from vvvaltr.drivers.trackers.stream.tracker import StreamTracker
 
 ROOT = Path(__file__).parent.parent
 
@@ -37,20 +39,21 @@ def stamped(position_m, angles):
 
 @pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0), (3.0, 0.2, -0.1), (-2.0, -1.5, 3.0)])
 def test_the_ros_node_sends_what_the_tracker_understands(angles):
-    sequence, pose = decode_pose(ros_node().datagram(7, stamped((0.1, -0.2, 0.03), angles)))
+    told = decode_pose(ros_node().datagram(7, stamped((0.1, -0.2, 0.03), angles)))
 
-    assert (sequence, pose.t_s, pose.position_m) == (7, 12.5, (0.1, -0.2, 0.03))
+    pose = told.pose
+    assert (told.sequence, pose.t_s, pose.position_m) == (7, 12.5, (0.1, -0.2, 0.03))
     assert (pose.yaw_rad, pose.pitch_rad, pose.roll_rad) == pytest.approx(angles)
 
 
 def test_the_ros_node_never_sends_what_is_no_number_as_a_pose():
-    with pytest.raises(ValueError, match="malformed"):
-        decode_pose(ros_node().datagram(7, stamped((float("nan"), 0.0, 0.0), (0.0, 0.0, 0.0))))
+    told = decode_pose(ros_node().datagram(7, stamped((float("nan"), 0.0, 0.0), (0.0, 0.0, 0.0))))
+    assert told.pose is None and told.is_gap
 
 
 def test_the_ros_node_forwards_what_it_subscribes_to(monkeypatch):
     """With a stand-in for ROS that has what the node calls, and delivers one message."""
-    tracker = StreamTracker()
+    tracker = StreamTracker(StreamTable(port=0))
     host, port = tracker.address.split(":")
     asked = {"topic": "/wand/pose", "host": host, "port": int(port)}
     subscribed, wires = {}, []
@@ -83,7 +86,7 @@ def test_the_ros_node_forwards_what_it_subscribes_to(monkeypatch):
 def test_the_sender_in_the_documentation_works():
     (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/trackers.md").read_text(), re.DOTALL)
     assert len(code.strip().splitlines()) <= 10
-    tracker = StreamTracker()
+    tracker = StreamTracker(StreamTable(port=0))
     looks = iter([(1.0, [0.1, 0.2, 0.03], 0.5), (1.01, [0.3, 0.2, 0.03], 0.6)])
 
     names = {"look": lambda: next(looks)}

@@ -15,6 +15,8 @@ from vvvaltr.drivers.trackers.attitude import Angles, Matrix, angles_of, is_rota
 _log = logging.getLogger(__name__)
 
 _FARTHEST_M = 1000.0  # no laboratory is as large
+_SMALL_STEP_S = 0.02  # times that are further back than any sender's wobble are a clock that was set back
+_FAR_AHEAD = 2**15  # frames; a number that far ahead is an old one, from before the counter wrapped
 UNSEEN = "the tracker does not see the robot"
 
 
@@ -30,7 +32,7 @@ class NewestPose:
         self.age_limit_s = age_limit_s
         self.clock = RemoteClock()
         self._frame, self._sent_s, self._heard_s = -1, -math.inf, -math.inf
-        self._hangs = False
+        self._hangs, self._missing = False, ""
         self._last_rad: Angles = (0.0, 0.0, 0.0)
         # The pose or why there is none: one attribute, for two threads share it.
         self._newest: Pose | str = reason
@@ -42,34 +44,51 @@ class NewestPose:
             raise TrackingLost(newest)
         age_s = time.monotonic() - newest.t_s
         if age_s > self.age_limit_s:
-            cause = f"; the tracker hangs: it repeats frame {self._frame}" if self._hangs else ""
-            raise TrackingLost(f"the last pose is {age_s:.2f} s old; the limit is {self.age_limit_s:g} s{cause}")
+            cause = f"the tracker hangs: it repeats frame {self._frame}" if self._hangs else self._missing
+            limit = f"the last pose is {age_s:.2f} s old; the limit is {self.age_limit_s:g} s"
+            raise TrackingLost(f"{limit}; {cause}" if cause else limit)
         return newest
 
     def lose(self, reason: str) -> None:
         """Have no pose until the next one is taken in."""
         self._newest = reason
 
+    def miss(self, reason: str) -> None:
+        """Note why a frame shows nothing; the pose before it is the robot's until it is too old."""
+        self._missing = reason
+        if isinstance(self._newest, str):
+            self._newest = reason
+
     def take(self, frame: int, t_s: float, pose: Pose | str, received_s: float) -> bool:
         """Take in a frame; returns whether it is news: a repeated or overtaken one changes nothing.
 
         Args:
-            frame: its number, which counts up.
-            t_s: when it was taken, on the tracker's clock, which never goes back.
+            frame: its number, which counts up, and may wrap or begin anew.
+            t_s: when it was taken, on the tracker's clock. A clock that is set to another time, forwards or backwards,
+                is noticed by the numbers, which go on.
             pose: what it shows, whatever its time; or why it shows no pose.
             received_s: when it came, as ``time.monotonic()`` counts.
         """
         if frame == self._frame:
             self._hangs = True  # and the pose grows old
             return False
-        if frame < self._frame or t_s < self._sent_s:
+        back_s = self._sent_s - t_s
+        if back_s > 0.0 and not self._is_set_back(frame, back_s):
             if received_s - self._heard_s < self.age_limit_s:
                 return False  # overtaken on its way
             _log.info("the poses' clock restarted: frame %d follows frame %d", frame, self._frame)
             self.clock = RemoteClock()  # after a silence another sender may begin, at any number and time
-        self._frame, self._sent_s, self._heard_s, self._hangs = frame, t_s, received_s, False
+        elif back_s > 0.0:
+            _log.warning("the tracker's clock was set back by %.3g s", back_s)
+            self.clock = RemoteClock()
+        self._frame, self._sent_s, self._heard_s = frame, t_s, received_s
+        self._hangs, self._missing = False, ""
         self._newest = pose if isinstance(pose, str) else replace(pose, t_s=self.clock.here_s(t_s, received_s))
         return True
+
+    def _is_set_back(self, frame: int, back_s: float) -> bool:
+        """Return whether a frame follows the last one although its time does not: an overtaken one does neither."""
+        return 0 < frame - self._frame < _FAR_AHEAD and back_s > _SMALL_STEP_S
 
     def take_body(
         self,

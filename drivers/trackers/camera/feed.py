@@ -31,7 +31,9 @@ from vvvaltr.drivers.trackers.camera.sight import RobotTag
 from vvvaltr.drivers.trackers.camera.table import CameraTable, FloorTagTable, TagTable, lens_table
 from vvvaltr.drivers.trackers.camera.view import View
 from vvvaltr.drivers.trackers.registry import MockFeed
-from vvvaltr.drivers.trackers.stream.tracker import LOOPBACK, PoseSender, decode_pose
+from vvvaltr.drivers.trackers.stream.message import decode_pose
+from vvvaltr.drivers.trackers.stream.tracker import PoseSender
+from vvvaltr.drivers.trackers.stream.wire import LOOPBACK
 
 LENS = Lens(1280, 720, (1013.0, 1013.0), (643.0, 357.0), (-0.2, 0.05, 0.0005, -0.0003, 0.0))
 """A webcam's: 65 degrees wide."""
@@ -192,11 +194,11 @@ def _draw_all(inbox: socket.socket, scene: Scene, writer: FrameWriter) -> None:
 
 def _newest(inbox: socket.socket, scene: Scene) -> Pose | None:
     """Return the newest pose that has come, None where the robot is hidden: a slow painter falls no further behind."""
-    _, pose = decode_pose(inbox.recv(_LONGEST_BYTES))
+    pose = decode_pose(inbox.recv(_LONGEST_BYTES)).pose
     while select.select([inbox], [], [], 0.0)[0]:
         if pose:
             scene.note(pose)
-        _, pose = decode_pose(inbox.recv(_LONGEST_BYTES))
+        pose = decode_pose(inbox.recv(_LONGEST_BYTES)).pose
     return pose
 
 

@@ -9,11 +9,12 @@ from vvvaltr.drivers.trackers.stream.table import StreamTable
 def _open_tracker(table: StreamTable) -> PoseTracker:
     from vvvaltr.drivers.trackers.stream.tracker import StreamTracker
 
-    return StreamTracker(table.host, table.port, table.age_limit_s)
+    return StreamTracker(table)
 
 
 def _make_feed() -> MockFeed:
-    from vvvaltr.drivers.trackers.stream.tracker import LOOPBACK, PoseSender, find_free_port
+    from vvvaltr.drivers.trackers.stream.tracker import PoseSender, find_free_port
+    from vvvaltr.drivers.trackers.stream.wire import LOOPBACK
 
     port = find_free_port()
     return MockFeed(PoseSender(LOOPBACK, port), StreamTable(host=LOOPBACK, port=port), f"{LOOPBACK}:{port}")

@@ -1,74 +1,24 @@
-"""Poses as JSON over UDP: what the mock devices send, and what any laboratory's tracker can be made to send.
-
-One datagram holds one pose::
-
-    {"sequence": 17, "t_s": 3.4, "position_m": [0.12, 0.0, 0.03],
-     "yaw_rad": 0.1, "pitch_rad": 0.0, "roll_rad": 0.0, "markers_m": [[0.1, 0.0, 0.0], ...], "uncertainty_m": 0.0002}
-
-``sequence`` counts up; ``t_s`` is when the pose was taken, on any clock that never goes back; ``position_m`` is null
-while the tracker does not see the robot. Angles, markers (the strut ends) and the uncertainty of the position may be
-left out.
-"""
+"""Poses as JSON over UDP: what the mock devices send, and what any laboratory's tracker can be made to send."""
 
 from __future__ import annotations
 
+import logging
 import math
 import socket
 import threading
 import time
 
-import msgspec
-
-from vvvaltr.controller.core.values import Pose, Vector
+from vvvaltr.controller.core.values import Pose
 from vvvaltr.drivers.links.remote_clock import RemoteClock
 from vvvaltr.drivers.trackers.newest import UNSEEN, NewestPose
+from vvvaltr.drivers.trackers.stream.message import Axes, Told, decode_pose, encode_lost, encode_pose, explain_key
+from vvvaltr.drivers.trackers.stream.origin import OneOrigin, TwoPlaces
+from vvvaltr.drivers.trackers.stream.table import StreamTable
+from vvvaltr.drivers.trackers.stream.wire import LOOPBACK, Address, PoseSocket
 
-LOOPBACK = "127.0.0.1"
-_LONGEST_BYTES = 65536
+_log = logging.getLogger(__name__)
 
-
-class _Message(msgspec.Struct):
-    sequence: int
-    t_s: float
-    position_m: Vector | None
-    yaw_rad: float = 0.0
-    pitch_rad: float = 0.0
-    roll_rad: float = 0.0
-    markers_m: tuple[Vector, ...] = ()
-    uncertainty_m: float | None = None
-
-
-def encode_pose(sequence: int, pose: Pose) -> bytes:
-    """Return the datagram for a pose."""
-    angles = (pose.yaw_rad, pose.pitch_rad, pose.roll_rad)
-    return msgspec.json.encode(
-        _Message(sequence, pose.t_s, pose.position_m, *angles, pose.markers_m, pose.uncertainty_m)
-    )
-
-
-def encode_lost(sequence: int, t_s: float) -> bytes:
-    """Return the datagram that says that the robot is not seen: ends a trial at once."""
-    return msgspec.json.encode(_Message(sequence, t_s, None))
-
-
-def decode_pose(datagram: bytes) -> tuple[int, Pose | None]:
-    """Return sequence number and pose (sender's time; None if the robot is not seen) of a datagram.
-
-    Raises:
-        ValueError: the datagram is malformed, or a value is not finite.
-    """
-    try:
-        message = msgspec.json.decode(datagram, type=_Message)
-    except (msgspec.DecodeError, RecursionError) as error:
-        raise ValueError(f"malformed pose: {error}") from error
-    if message.position_m is None:
-        return message.sequence, None
-    angles = (message.yaw_rad, message.pitch_rad, message.roll_rad)
-    pose = Pose(message.t_s, message.position_m, *angles, message.markers_m, uncertainty_m=message.uncertainty_m)
-    more = (pose.t_s, pose.uncertainty_m or 0.0, *(value for marker in pose.markers_m for value in marker))
-    if not (pose.is_finite and all(map(math.isfinite, more))):
-        raise ValueError("malformed pose: a value is not a finite number")
-    return message.sequence, pose
+_MOST_REMARKS = 8
 
 
 def find_free_port() -> int:
@@ -115,36 +65,27 @@ class StreamTracker:
     """A tracker that listens for poses: satisfies ``PoseTracker``.
 
     Args:
-        host: address to listen on; the loopback one lets no other computer in.
-        port: UDP port; 0 for any that is free.
-        age_limit_s: the greatest age of a pose that is still the robot's.
+        table: where to listen, and how the sender's numbers are meant.
 
     Raises:
         ValueError: the address cannot be listened on.
     """
 
-    def __init__(self, host: str = LOOPBACK, port: int = 0, age_limit_s: float = 0.2) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            self._socket.bind((host, port))
-        except OSError as error:
-            self._socket.close()
-            raise ValueError(
-                f"cannot listen for poses on {host}:{port}: {error.strerror}; choose another tracker.port"
-            ) from error
+    def __init__(self, table: StreamTable) -> None:
+        self._table = table
+        self._axes = Axes(table.unit, table.up, table.yaw_unit)
+        self._socket = PoseSocket(table.host, table.port, table.interface)
+        self.address = self._socket.address
         reason = f"no pose has come to {self.address}; start the tracker and let it send there"
-        self._newest = NewestPose(age_limit_s, reason)
-        self._datagram, self._sent_s = b"", -math.inf
-        self._closing = threading.Event()
+        self._newest = NewestPose(table.age_limit_s, reason)
+        self._origin, self._places = OneOrigin(table.name), TwoPlaces()
+        self._datagram, self._sent_s, self._heard_s = b"", -math.inf, -math.inf
+        self._keys: set[str] = set()
+        self.remarks: tuple[str, ...] = ()
+        self._is_closed = False
         # A thread of its own, for a socket that is not read keeps the oldest datagrams and discards the newest.
         self._thread = threading.Thread(target=self._listen, name=f"poses on {self.address}", daemon=True)
         self._thread.start()
-
-    @property
-    def address(self) -> str:
-        """Address of the tracker, as ``host:port``."""
-        host, port = self._socket.getsockname()
-        return f"{host}:{port}"
 
     @property
     def clock(self) -> RemoteClock:
@@ -157,25 +98,57 @@ class StreamTracker:
 
     def close(self) -> None:
         """Stop listening. Idempotent."""
-        if not self._closing.is_set():
-            self._closing.set()
-            self._socket.sendto(b"", self._socket.getsockname())  # wakes the thread
+        if not self._is_closed:
+            self._is_closed = True
+            self._socket.end()
             self._thread.join()
             self._socket.close()
 
     def _listen(self) -> None:
-        while not self._closing.is_set():
-            self._take(self._socket.recv(_LONGEST_BYTES), time.monotonic())
+        while (heard := self._socket.receive()) is not None:
+            self._take(*heard, time.monotonic())
 
-    def _take(self, datagram: bytes, received_s: float) -> None:
+    def _take(self, datagram: bytes, sender: Address, received_s: float) -> None:
         if datagram == self._datagram:
             return  # a tracker that hangs may repeat itself: the pose ages all the same
         self._datagram = datagram
         try:
-            sequence, pose = decode_pose(datagram)
+            told = decode_pose(datagram, self._axes)
         except ValueError as error:
             self._newest.lose(str(error))
             return
-        sent_s = self._sent_s if pose is None else pose.t_s
-        if self._newest.take(sequence, sent_s, pose or UNSEEN, received_s):
+        self._remark_on(told.keys)
+        if not self._origin.is_wanted(told):
+            self._overhear(told, received_s)
+            return
+        self._heard_s = received_s
+        conflict = self._origin.conflict(told, sender, received_s)
+        if told.pose is not None and not conflict:
+            conflict = self._places.conflict(told.pose.position_m)
+        if conflict:
+            self._newest.lose(conflict)
+        elif told.is_gap:
+            self._newest.miss("the poses since have no numbers; show the robot to the tracker")
+        else:
+            self._take_in(told, received_s)
+
+    def _take_in(self, told: Told, received_s: float) -> None:
+        sent_s = self._sent_s if told.pose is None else told.pose.t_s
+        if self._newest.take(told.sequence, sent_s, told.pose or UNSEEN, received_s):
             self._sent_s = sent_s
+
+    def _overhear(self, told: Told, received_s: float) -> None:
+        """Note a pose of another body: the reason where none of the robot comes."""
+        if received_s - self._heard_s > self._table.age_limit_s:
+            other = f"of {told.name[:40]!r}" if told.name else "without a name"
+            self._newest.lose(f"poses come {other}, but none of {self._table.name!r}; correct tracker.name")
+
+    def _remark_on(self, keys: tuple[str, ...]) -> None:
+        """Warn of keys that look like misspelt ones, each once."""
+        for key in keys:
+            if key in self._keys or len(self._keys) >= _MOST_REMARKS:
+                continue
+            self._keys.add(key)
+            if remark := explain_key(key):
+                self.remarks += (remark,)
+                _log.warning("%s", remark)

@@ -1,0 +1,88 @@
+"""Whose poses arrive on a port: those of one body, from one sender."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from vvvaltr.controller.core.values import Vector
+from vvvaltr.drivers.trackers.stream.message import Told
+from vvvaltr.drivers.trackers.stream.wire import Address
+
+_SILENCE_S = 1.0  # after which another sender may take over
+_APART_M = 0.05  # further than a robot gets from one frame to the next
+_JUDGED, _MOST_JUMPS = 10, 5  # frames; an outlier now and then is not a second body
+
+
+@dataclass(frozen=True, slots=True)
+class _Origin:
+    sender: Address
+    name: str
+
+    def __str__(self) -> str:
+        address = f"{self.sender[0]}:{self.sender[1]}"
+        return f"{self.name[:40]!r} from {address}" if self.name else address
+
+
+class OneOrigin:
+    """Tells the robot's poses from those of others.
+
+    Args:
+        wanted: name of the body; empty for whatever body there is, but only one.
+    """
+
+    def __init__(self, wanted: str) -> None:
+        self._wanted = wanted
+        self._ours: _Origin | None = None
+        self._sequence = -1
+        self._heard: dict[_Origin, float] = {}
+
+    def is_wanted(self, told: Told) -> bool:
+        """Return whether the pose is of the body that was asked for."""
+        return not self._wanted or told.name == self._wanted
+
+    def conflict(self, told: Told, sender: Address, received_s: float) -> str:
+        """Return why it is not clear which body is the robot, and the cure; empty if it is."""
+        origin = _Origin(sender, told.name)
+        self._heard = {other: at_s for other, at_s in self._heard.items() if received_s - at_s < _SILENCE_S}
+        if self._ours not in self._heard or self._has_moved(origin, told.sequence):
+            self._heard.pop(self._ours or origin, None)
+            self._ours = origin
+        self._heard[origin] = received_s
+        if origin == self._ours:
+            self._sequence = told.sequence
+        others = [str(other) for other in self._heard if other != self._ours]
+        if not others:
+            return ""
+        cure = "end one of them" if self._wanted else 'end one of them, or name the robot\'s body, name = "robot"'
+        return f"two senders send poses to one port, {self._ours} and {others[0]}; {cure}"
+
+    def _has_moved(self, origin: _Origin, sequence: int) -> bool:
+        """Return whether our sender goes on from another port: some open a socket for each pose."""
+        ours = self._ours
+        if ours is None or origin in self._heard:
+            return False
+        is_alike = (origin.sender[0], origin.name) == (ours.sender[0], ours.name)
+        return is_alike and sequence == self._sequence + 1
+
+
+class TwoPlaces:
+    """Notices poses that jump to and fro: two bodies, sent by one sender without names."""
+
+    def __init__(self) -> None:
+        self._last_m: Vector | None = None
+        self._steps_m: deque[float] = deque(maxlen=_JUDGED)
+
+    def conflict(self, position_m: Vector) -> str:
+        """Take in a position; return why it is not clear where the robot is, and the cure; empty if it is."""
+        if self._last_m is not None:
+            self._steps_m.append(math.dist(position_m, self._last_m))
+        self._last_m = position_m
+        jumps_m = [step_m for step_m in self._steps_m if step_m > _APART_M]
+        if len(jumps_m) <= _MOST_JUMPS:
+            return ""
+        return (
+            f"the poses jump to and fro by {min(jumps_m):.3g} m, as if two bodies were sent; send the robot alone, or "
+            'let the sender name them and write name = "robot"'
+        )
