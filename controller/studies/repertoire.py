@@ -26,6 +26,7 @@ from vvvaltr.controller.studies.steering_run import (
     TABLE_NAME,
     SteeringRun,
     load_repertoire,
+    sorted_runs,
     steering_config,
     table_of,
 )
@@ -142,11 +143,8 @@ def put_together(paths: Sequence[Path], out: Path) -> Repertoire:
     configs = [load_config(path) for path in paths if (path / "run.toml").exists()]
     if not configs:
         raise UserError(f"{paths[0]} has no run.toml, so its robot is not known: give runs of this program by --from")
-    began = [load_repertoire([path]) for path in paths if (path / SOURCE_NAME).exists()]
-    source = None
-    for known in began:
-        source = known if source is None else source.joined(known)
-    plain = [path for path in paths if not (path / SOURCE_NAME).exists()]
+    plain, began = sorted_runs(paths)
+    source = load_repertoire(began) if began else None
     config = msgspec.structs.replace(configs[0], method=METHOD, sources=tuple(map(str, paths)))
     structure = next((run.structure for run in map(read_run, paths) if run.structure), None)
     with closing(SteeringRun.create(out, config, Run(structure), source)) as run:

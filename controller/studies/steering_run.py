@@ -164,21 +164,40 @@ def table_of(repertoire: Repertoire) -> dict[str, Any]:
 
 
 def load_repertoire(paths: Sequence[Path]) -> Repertoire:
-    """Return what the runs in ``paths`` tell of movements: what each began with, and its own trials.
+    """Return what the runs in ``paths`` tell of movements: what each began with, and its own trials, each counted once.
 
     Raises:
         UserError: one of them is no run, or none has a valid trial with poses.
     """
-    repertoire = Repertoire()
-    for path in paths:
+    plain, began = sorted_runs(paths)
+    repertoire = load_sources(began)
+    for path in (*plain, *began):
         trials = [logged.trial for logged in read_run(path).trials]
         _check_motors(path, trials, repertoire)
-        base = _source(path / SOURCE_NAME) if (path / SOURCE_NAME).exists() else Repertoire()
-        repertoire = learn_repertoire(split_runs(trials), repertoire.joined(base))
+        repertoire = learn_repertoire(split_runs(trials), repertoire)
     if not repertoire.movements:
         names = ", ".join(map(str, paths))
         raise UserError(f"{names}: no valid trial with poses, so no movement is known; make some by vvvaltr repertoire")
     return repertoire
+
+
+def load_sources(paths: Sequence[Path]) -> Repertoire:
+    """Return what some runs began with, put together. Raises UserError if a file is damaged."""
+    repertoire = Repertoire()
+    for path in paths:
+        repertoire = repertoire.joined(_source(path / SOURCE_NAME))
+    return repertoire
+
+
+def sorted_runs(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
+    """Return the runs that began with nothing, and those that began with a repertoire.
+
+    A run with which another one of them began is left out: what it tells is in the other one already.
+    """
+    began = [path for path in paths if (path / SOURCE_NAME).exists()]
+    known = {Path(name).resolve() for path in began for name in load_config(path).sources}
+    plain = [path for path in paths if path not in began and path.resolve() not in known]
+    return plain, [path for path in began if path.resolve() not in known]
 
 
 def split_runs(trials: Sequence[Trial]) -> list[list[Trial]]:

@@ -74,11 +74,15 @@ class Repertoire:
         return np.array([movement.velocity for movement in self.movements]).reshape(-1, 3)
 
     def joined(self, other: Repertoire) -> Repertoire:
-        """Return both; of a gait that both have, the precisions add up. The other one's floor is the last."""
+        """Return both; of a gait that both have, the precisions add up, unless it is the same knowledge twice.
+
+        The other one's floor is the last.
+        """
         mine = {movement.gait: movement for movement in self.movements}
         for movement in other.movements:
             known = mine.get(movement.gait)
-            mine[movement.gait] = movement if known is None else _fused(known, movement)
+            is_same = known is not None and np.array_equal(known.velocity, movement.velocity)
+            mine[movement.gait] = movement if known is None or is_same else _fused(known, movement)
         return Repertoire(tuple(mine.values()), other.drift_m_s, other.delay_s) if other.movements else self
 
     def belief(self) -> Belief:

@@ -70,13 +70,20 @@ def test_a_path_that_is_too_short_or_no_number_says_nothing() -> None:
 
 
 def test_two_repertoires_with_the_same_gait_are_surer_than_each() -> None:
-    one, other = learn_repertoire([tried(GlidingRobot())]), learn_repertoire([tried(GlidingRobot())])
+    one = learn_repertoire([tried(GlidingRobot())])
+    other = learn_repertoire([tried(GlidingRobot(drift_m_s=(0.001, 0.0)))])
 
     both = one.joined(other)
 
     assert both.gaits == GAITS
     assert (both.movements[2].deviation < one.movements[2].deviation).all()
     assert both.movements[2].trials == 2
+
+
+def test_the_same_knowledge_counts_once() -> None:
+    one = learn_repertoire([tried(GlidingRobot())])
+
+    assert one.joined(one).movements[2].trials == 1
 
 
 def drive(knowledge: Knowledge, robot: GlidingRobot, rounds: int) -> Belief:
