@@ -8,7 +8,7 @@ in 40 trials of 5 s. *cold*: every goal begins with it. *carried*: what was lear
 the next.
 
 Baselines with the same seeds: the repertoire as it was learned (fixed), its fastest gait alone, its straightest and its
-best turning movement alone (two), and a planner that knows each movement by eight trials where it goes (truth).
+best turning movement alone (two), and a planner that knows each movement by four trials where it goes (truth).
 
 Each goal is written to the file of ``--out`` when it is done, and what the file has is not measured again.
 """
@@ -194,11 +194,11 @@ def _straightest(repertoire: Repertoire) -> Gait:
 
 
 def trials_of_truth(case: Case, gaits: Iterable[Gait]) -> list[Trial]:
-    """Return eight trials of each gait where the case takes place."""
+    """Return four trials of each gait where the case takes place."""
     from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 
     robot, settings = make_robot(case), TrialSettings(duration_s=3.0, heading_limit_rad=None)
-    each = [gait for gait in gaits for _ in range(8)]
+    each = [gait for gait in gaits for _ in range(4)]
     return [run_trial(robot, gait, settings, 1000 + number) for number, gait in enumerate(each)]
 
 
