@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from vvvaltr.controller.core.protocols import Robot
     from vvvaltr.controller.core.values import Gait, MotorState, Quantity, Trial
-    from vvvaltr.controller.loop.go import Steersman
+    from vvvaltr.controller.loop.steersman import Steersman
     from vvvaltr.transfer.steering.repertoire import Repertoire
 
 RADIUS_M, BUDGET_S = 0.30, 200.0
@@ -224,7 +224,7 @@ def measure(case: Case, done: int) -> Iterator[dict[str, Any]]:
 
     What is carried over comes from all goals before, so that these are driven again.
     """
-    from vvvaltr.controller.loop.go import Steersman
+    from vvvaltr.controller.loop.steersman import Steersman
     from vvvaltr.controller.loop.trial_runner import TrialSettings
 
     repertoire, robot = repertoire_of(case), make_robot(case)

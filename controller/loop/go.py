@@ -3,36 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vvvaltr.controller.core.errors import SafetyStop, TrackingLost
+from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
 from vvvaltr.controller.core.records import Displacement, LoggedTrial, SteeringStep
-from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Outcome, Pose, Structure, Suggestion, Trial
+from vvvaltr.controller.core.values import Outcome, Pose, Structure, Suggestion
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement
-from vvvaltr.controller.loop.safety import Guard
 from vvvaltr.controller.loop.scoring import score
+from vvvaltr.controller.loop.steersman import Steersman, Watch, primitive_settings
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
-from vvvaltr.transfer.steering.belief import Belief
-from vvvaltr.transfer.steering.hypotheses import Knowledge
-from vvvaltr.transfer.steering.passage import passage, rotation, where
-from vvvaltr.transfer.steering.planner import Abilities, Border, Goal, Plan, plan
-from vvvaltr.transfer.steering.repertoire import Repertoire
-
-Array = NDArray[np.float64]
+from vvvaltr.transfer.steering.passage import rotation, where
+from vvvaltr.transfer.steering.planner import Goal, Plan
 
 ORIGIN = "going"
 """Origin of the suggestions that lead somewhere."""
 
 _LONGEST_S = 12.0  # of a primitive
-_FIRST_LOOK_S = 1.0  # into a primitive, before which its own velocity is not known
-_BETWEEN_S = 0.4
-_DARING = 0.5  # share of what is not known that a plan may hope for
 _PATIENCE = 3  # failed primitives in a row after which somebody has to look at the robot
 _USELESS_IN_A_ROW = 5  # plans, each with other hopes of what is not known
 _GAIN_M, _GAIN_RAD = 0.002, 0.02
@@ -62,100 +52,6 @@ class Ending:
     duration_s: float
     primitives: int
     goals: int
-
-
-class Steersman:
-    """Chooses movements by what is known, and learns from every one that was driven.
-
-    Args:
-        repertoire: the movements.
-        seed: of what is drawn.
-        border: that no plan crosses.
-        pause_s: time between two movements.
-    """
-
-    def __init__(self, repertoire: Repertoire, seed: int, border: Border | None, pause_s: float) -> None:
-        self.knowledge = Knowledge(repertoire)
-        self.gaits = repertoire.gaits
-        self._delay_s = repertoire.delay_s
-        self._seed, self._border, self._pause_s = seed, border, pause_s
-        self._place = {gait: index for index, gait in enumerate(self.gaits)}
-
-    def begin(self, number: int) -> None:
-        """Draw, for primitive ``number``, what its plans take the movements for."""
-        random = stream(self._seed, number, "steering")
-        self._belief = self.knowledge.draw(random)
-        velocities, drift = self._drawn(self._belief, random)
-        deviations = np.hypot(self._belief.scatter, self._belief.deviations)
-        self._able = Abilities(velocities, deviations, drift, self._delay_s, self._pause_s)
-
-    def plan(self, at: Array, goal: Goal) -> Plan:
-        """Return the way from a pose (3,) to the goal."""
-        return plan(at, goal, self._able, self._border)
-
-    def plan_underway(self, movement: int, poses: Sequence[Pose], goal: Goal) -> Plan:
-        """Return the way on from the last of ``poses``; its first step is -1 where the movement is to go on."""
-        velocity, _ = self._belief.underway(movement, passage(poses))
-        return plan(where(poses[-1]), goal, self._able, self._border, velocity)
-
-    def learn(self, trial: Trial) -> None:
-        """Learn from a driven movement."""
-        seen = passage(trial.poses)
-        if trial.outcome.is_valid and seen is not None and trial.gait in self._place:
-            self.knowledge.observe(self._place[trial.gait], seen)
-
-    @staticmethod
-    def _drawn(belief: Belief, random: np.random.Generator) -> tuple[Array, Array]:
-        """Return movements and drift as they may be: what is as good as unknown may be hoped to be good.
-
-        What is known as well as one trial could tell is taken for its mean.
-        """
-        drawn, _ = belief.drawn(random)
-        known = (belief.scatter / belief.deviations) ** 2
-        hope = _DARING * np.sqrt(np.maximum(1.0 - known, 0.0))
-        return belief.movements + hope * (drawn - belief.movements), belief.drift_m_s
-
-
-@dataclass(frozen=True, slots=True)
-class PrimitiveSettings(TrialSettings):
-    """How a primitive is run: as a trial that a further guard looks at."""
-
-    watch: Guard | None = None
-
-    def guards(self) -> list[Guard]:
-        """Return fresh guards."""
-        return TrialSettings.guards(self) + ([self.watch] if self.watch else [])
-
-
-def primitive_settings(settings: TrialSettings, longest_s: float, watch: Guard) -> PrimitiveSettings:
-    """Return how a primitive is run: its end is not waited for, its heading is free, and ``watch`` ends it."""
-    common = {name: getattr(settings, name) for name in TrialSettings.__dataclass_fields__}
-    own = {"duration_s": longest_s, "heading_limit_rad": None, "rest_poses": 0}
-    return PrimitiveSettings(**{**common, **own}, watch=watch)
-
-
-@dataclass(slots=True)
-class Watch:
-    """Ends a primitive at the goal, or where another movement is better by now."""
-
-    steersman: Steersman
-    movement: int
-    goal: Goal
-    until_s: float
-    seen: list[Pose] = field(default_factory=list)
-    look_s: float = _FIRST_LOOK_S
-
-    def __call__(self, pose: Pose) -> None:
-        """Look at one pose. Raises SafetyStop."""
-        self.seen.append(pose)
-        if self.goal.is_reached(where(pose), 0.85):
-            raise SafetyStop(Outcome.CUT_SHORT, "at the goal")
-        if pose.t_s < self.look_s - 1e-6:
-            return
-        self.look_s = pose.t_s + _BETWEEN_S
-        way = self.steersman.plan_underway(self.movement, self.seen, self.goal)
-        if not way.steps or way.steps[0][0] >= 0:
-            raise SafetyStop(Outcome.CUT_SHORT, "another movement is better from here")
 
 
 class _Staying:
@@ -275,9 +171,9 @@ class Journey:
         if not way.steps or self._useless >= _USELESS_IN_A_ROW:
             self._reason = "no movement of the repertoire brings the robot nearer; try more gaits by vvvaltr repertoire"
             return None
-        movement, duration_s = way.steps[0]
+        movement, _ = way.steps[0]
         gait = self._steersman.gaits[movement]
-        watch = Watch(self._steersman, movement, goal, duration_s)
+        watch = Watch(self._steersman, movement, goal)
         suggestion, step = Suggestion(gait, ORIGIN), self._step(goal, way)
         try:
             trial = run_trial(self._robot, gait, primitive_settings(self._settings, _LONGEST_S, watch), number)

@@ -20,9 +20,9 @@ from vvvaltr.controller.core.errors import SafetyStop
 from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Gait, Outcome, Pose, Structure, Suggestion
-from vvvaltr.controller.loop.go import PrimitiveSettings, primitive_settings
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 from vvvaltr.controller.loop.scoring import score
+from vvvaltr.controller.loop.steersman import PrimitiveSettings, primitive_settings
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 from vvvaltr.transfer.steering.planner import travel
 from vvvaltr.transfer.steering.repertoire import Repertoire

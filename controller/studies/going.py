@@ -15,8 +15,9 @@ import numpy as np
 
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.loop.go import Journey, Steersman
+from vvvaltr.controller.loop.go import Journey
 from vvvaltr.controller.loop.safety import Arena
+from vvvaltr.controller.loop.steersman import Steersman
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.studies.steering_run import SteeringRun, load_repertoire, open_again, steering_config

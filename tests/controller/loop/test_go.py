@@ -9,8 +9,9 @@ from gliding import GAITS, SETTINGS, TABLE, GlidingRobot, tried
 from vvvaltr.controller.core.errors import DeviceFault, TrackingLost
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Outcome
-from vvvaltr.controller.loop.go import Ending, Journey, Steersman
+from vvvaltr.controller.loop.go import Ending, Journey
 from vvvaltr.controller.loop.safety import Arena
+from vvvaltr.controller.loop.steersman import Steersman
 from vvvaltr.transfer.steering.planner import Border, Goal
 from vvvaltr.transfer.steering.repertoire import Repertoire, learn_repertoire
 
