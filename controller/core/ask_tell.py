@@ -9,7 +9,8 @@ from statistics import fmean
 from typing import TYPE_CHECKING
 
 from vvvaltr.controller.core.errors import NothingToRecommend
-from vvvaltr.controller.core.protocols import AskTell, Optimizer
+from vvvaltr.controller.core.protocols import AskTell, Fitting, Optimizer
+from vvvaltr.controller.core.records import Fit, LoggedTrial, Told
 from vvvaltr.controller.core.values import Estimate, Gait, Recommendation, Suggestion
 
 if TYPE_CHECKING:
@@ -24,6 +25,21 @@ _GRID = 64  # intraclass correlations between 0 and 1
 def complete(optimizer: AskTell) -> Optimizer:
     """Return ``optimizer`` itself if it has all methods of ``Optimizer``, else with the missing ones filled in."""
     return optimizer if isinstance(optimizer, Optimizer) else WithoutModel(optimizer)
+
+
+def tell_history(optimizer: AskTell, trials: Sequence[LoggedTrial], already: int = 0) -> None:
+    """Tell an optimiser the valid trials of a log, at once if it can; the first ``already`` trials were told before."""
+    if isinstance(optimizer, Fitting):
+        optimizer.recall([Told(each.trial.gait, each.score, each.fit) for each in trials if each.score is not None])
+        return
+    for each in trials[already:]:
+        if each.score is not None:
+            optimizer.tell(each.trial.gait, each.score)
+
+
+def last_fit(optimizer: AskTell) -> Fit | None:
+    """Return the optimiser's fit for the log; None where it has none."""
+    return optimizer.fit() if isinstance(optimizer, Fitting) else None
 
 
 class WithoutModel:

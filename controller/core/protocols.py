@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
-from vvvaltr.controller.core.records import Event, LoggedTrial
+from vvvaltr.controller.core.records import Event, Fit, LoggedTrial, Told
 from vvvaltr.controller.core.values import (
     Estimate,
     Gait,
@@ -167,6 +167,22 @@ class Optimizer(AskTell, Protocol):
 
     def improvement(self) -> float:
         """Return what the next suggestion is expected to gain, in the score's unit; infinite without a model."""
+        ...
+
+
+@runtime_checkable
+class Fitting(Optimizer, Protocol):
+    """An optimiser whose fits the log keeps, so that a resumed run need not repeat them."""
+
+    def fit(self) -> Fit | None:
+        """Return the fit after the last trial told; None where there is none."""
+        ...
+
+    def recall(self, history: Sequence[Told]) -> None:
+        """Be told a whole history at once, in place of all that was told before.
+
+        It continues with the same bits as after a ``tell`` for each trial. Raises ValueError as ``tell`` does.
+        """
         ...
 
 

@@ -117,6 +117,15 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True)
+class Told:
+    """What an optimiser was told of one trial, and the fit that it made after it, where that is known."""
+
+    gait: Gait
+    score: float
+    fit: Fit | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class SteeringStep:
     """Why a gait was driven while steering to a goal.
 

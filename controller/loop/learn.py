@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 
-from vvvaltr.controller.core.ask_tell import complete
+from vvvaltr.controller.core.ask_tell import complete, last_fit, tell_history
 from vvvaltr.controller.core.errors import NothingToRecommend, UserError
 from vvvaltr.controller.core.protocols import AskTell, Observer, Optimizer, Robot
 from vvvaltr.controller.core.records import EventKind, LoggedTrial
@@ -98,8 +98,7 @@ def _make_trials(
     history: Sequence[LoggedTrial],
 ) -> Iterator[LoggedTrial]:
     """Ask, run, score, tell; yields each trial once it is recorded."""
-    for logged in history:
-        plan.remember(logged)
+    plan.remember(history)
     failures = 0
     for number in count(len(history) + 1):
         if (suggestion := plan.next()) is None:
@@ -128,12 +127,17 @@ class _Plan:
         self._confirmed = 0
         self._finalists: tuple[Gait, ...] | None = None
 
-    def remember(self, logged: LoggedTrial) -> None:
-        """Learn from an earlier trial of the run."""
-        if logged.suggestion.phase is Phase.CONFIRMATION:
+    def remember(self, history: Sequence[LoggedTrial]) -> None:
+        """Learn from the earlier trials of the run."""
+        phases = [logged.suggestion.phase for logged in history]
+        searched = phases.index(Phase.CONFIRMATION) if Phase.CONFIRMATION in phases else len(history)
+        tell_history(self._optimizer, history[:searched])
+        if searched < len(history):
             self._begin_confirmation()
-        if logged.score is not None:
-            self._take(logged.suggestion, logged.trial.gait, logged.score)
+            tell_history(self._optimizer, history, already=searched)
+        for logged in history:
+            if logged.score is not None:
+                self._count(logged.suggestion)
 
     def next(self) -> Suggestion | None:
         """Return the next suggestion; None at the end of the run."""
@@ -150,8 +154,9 @@ class _Plan:
         if not trial.outcome.is_valid:
             return complete_record(suggestion, trial)
         speed_m_s = score(trial, self._budget.score_name)
-        self._take(suggestion, trial.gait, speed_m_s)
-        return complete_record(suggestion, trial, speed_m_s, self._recommend())
+        self._optimizer.tell(trial.gait, speed_m_s)
+        self._count(suggestion)
+        return complete_record(suggestion, trial, speed_m_s, self._recommend(), last_fit(self._optimizer))
 
     def _is_search_over(self) -> bool:
         if self._searched >= self._budget.search_trials:
@@ -165,8 +170,7 @@ class _Plan:
             self._finalists = self._optimizer.promising(self._budget.confirm[0]) if self._budget.confirm[0] else ()
         return self._finalists
 
-    def _take(self, suggestion: Suggestion, gait: Gait, speed_m_s: float) -> None:
-        self._optimizer.tell(gait, speed_m_s)
+    def _count(self, suggestion: Suggestion) -> None:
         self._searched += suggestion.phase is Phase.SEARCH
         self._confirmed += suggestion.phase is Phase.CONFIRMATION
 

@@ -5,16 +5,21 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from vvvaltr.controller.core.records import AppliedFrequencies, Displacement, LoggedTrial, Movement
+from vvvaltr.controller.core.records import AppliedFrequencies, Displacement, Fit, LoggedTrial, Movement
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Pose, Recommendation, Suggestion, Trial
 
 
 def complete_record(
-    suggestion: Suggestion, trial: Trial, score_m_s: float | None = None, recommendation: Recommendation | None = None
+    suggestion: Suggestion,
+    trial: Trial,
+    score_m_s: float | None = None,
+    recommendation: Recommendation | None = None,
+    fit: Fit | None = None,
 ) -> LoggedTrial:
     """Return a trial for the log, with what its poses and states tell."""
-    return LoggedTrial(suggestion, trial, score_m_s, recommendation, measure_movement(trial), measure_applied(trial))
+    movement, applied = measure_movement(trial), measure_applied(trial)
+    return LoggedTrial(suggestion, trial, score_m_s, recommendation, movement, applied, fit=fit)
 
 
 def measure_movement(trial: Trial) -> Movement | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from vvvaltr.controller.core.ask_tell import tell_history
 from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.runs.config import CONFIG_NAME, load_config
@@ -78,14 +79,12 @@ def _beliefs(shown: Shown, optimizer: Optimizer, checkpoints: set[int]) -> Itera
     """Tell the optimiser the run's trials again, and yield what it believes after those in ``checkpoints``."""
     if shown.space is None:
         return
-    trials = shown.run.trials
-    for logged, following in zip(trials, [*trials[1:], None], strict=True):
-        if logged.score is None:
-            continue
-        optimizer.tell(logged.trial.gait, logged.score)
+    trials, told = shown.run.trials, 0
+    for count, (logged, following) in enumerate(zip(trials, [*trials[1:], None], strict=True), start=1):
         number = logged.trial.number
-        if number in checkpoints:
-            suggestion = following.suggestion if following else optimizer.ask()
-            yield Belief(number, shown.space, optimizer.predict, suggestion.gait)
-        if number == max(checkpoints):
-            return
+        if logged.score is None or number not in checkpoints:
+            continue
+        tell_history(optimizer, trials[:count], already=told)
+        told = count
+        suggestion = following.suggestion if following else optimizer.ask()
+        yield Belief(number, shown.space, optimizer.predict, suggestion.gait)

@@ -33,6 +33,14 @@ class Posterior(Protocol):
         """Return mean (m,), variance (m,) and their gradients (m, d) each, at places (m, d)."""
         ...
 
+    def predict_mean(self, x: Array) -> Array:
+        """Return the mean (m,) alone at places (m, d)."""
+        ...
+
+    def predict_mean_with_gradient(self, x: Array) -> tuple[Array, Array]:
+        """Return mean (m,) and its gradient (m, d) at places (m, d)."""
+        ...
+
 
 class Acquisition(Protocol):
     """A quantity to maximise over the unit cube."""
@@ -95,12 +103,11 @@ class PosteriorMean:
 
     def value(self, x: Array) -> Array:
         """Return the values (m,) at places (m, d)."""
-        return self.posterior.predict(x)[0]
+        return self.posterior.predict_mean(x)
 
     def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
         """Return values (m,) and gradients (m, d) at places (m, d)."""
-        mean, _, gradient, _ = self.posterior.predict_with_gradient(x)
-        return mean, gradient
+        return self.posterior.predict_mean_with_gradient(x)
 
 
 def log_h(z: Array) -> tuple[Array, Array]:

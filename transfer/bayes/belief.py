@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Estimate, GaitSpace
 from vvvaltr.transfer.bayes.acquisition import Posterior
-from vvvaltr.transfer.bayes.gp import GaussianProcess, Hyperparameters, Observations, Prior, fit
+from vvvaltr.transfer.bayes.fitting import Prior, fit
+from vvvaltr.transfer.bayes.gp import GaussianProcess
+from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations
+from vvvaltr.transfer.bayes.refitting import Fitted, follow
 from vvvaltr.transfer.bayes.scale import Scale
+from vvvaltr.transfer.bayes.trials import Trials
 
 MODEL_DOUBT_TRIALS = 15.0
 """Number of trials at which the model's own error is as large as the error it predicts; measured, docs/learning.md."""
@@ -20,30 +25,8 @@ MODEL_DOUBT_TRIALS = 15.0
 RANDOM_START_EVERY = 5
 """Every so many trials the hyperparameters are fitted from a random start as well."""
 
-
-@dataclass(frozen=True, slots=True)
-class Trials:
-    """The trials told so far, in order.
-
-    Args:
-        x: places (n, d) of the gaits, outside the unit cube where a gait is out of bounds.
-        scores: scores (n,).
-    """
-
-    x: Array
-    scores: Array
-
-    @classmethod
-    def none(cls, space: GaitSpace) -> Trials:
-        """Return no trials of gaits in a space."""
-        return cls(np.empty((0, space.dimension)), np.empty(0))
-
-    def __len__(self) -> int:
-        return len(self.scores)
-
-    def add(self, x: Array, score: float) -> Trials:
-        """Return these trials and one more, of the place (d,)."""
-        return Trials(np.vstack([self.x, x]), np.append(self.scores, score))
+LARGEST = 1e9
+"""Hyperparameters of a log beyond this, or below its inverse, were not fitted by this program."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,23 +38,23 @@ class Belief:
         scale: scale that the scores are standardised by.
         noise_variance: noise variance of a new trial's standardised score.
         seen: places (k, d), k >= 1, whose scores the posterior rests on.
-        logs: natural logarithms (d + 2,) of the process's hyperparameters, where the next fit starts.
         hyperparameters: hyperparameters by name, in natural units, for log and screen.
+        fitted: what learning goes on from after the next trial; None where it begins anew.
     """
 
     posterior: Posterior
     scale: Scale
     noise_variance: float
     seen: Array
-    logs: Array
     hyperparameters: Mapping[str, float]
+    fitted: Fitted | None = None
 
     @classmethod
-    def of(cls, process: GaussianProcess, scale: Scale, space: GaitSpace) -> Belief:
+    def of(cls, process: GaussianProcess, scale: Scale, space: GaitSpace, fitted: Fitted | None = None) -> Belief:
         """Return the belief that rests on one process of standardised scores."""
-        fit = process.hyperparameters
-        names = name_hyperparameters(space, scale, fit)
-        return cls(process, scale, fit.noise_variance, process.observations.x, fit.logs, names)
+        names = name_hyperparameters(space, scale, process.hyperparameters)
+        noise_variance = process.hyperparameters.noise_variance
+        return cls(process, scale, noise_variance, process.observations.x, names, fitted)
 
     def estimates(self, x: Array) -> tuple[Estimate, ...]:
         """Return estimates of the true mean scores at places (m, d), with 95 % intervals.
@@ -84,34 +67,66 @@ class Belief:
 
     def promising(self, count: int = 5) -> Array:
         """Return the places seen (k, d), k <= count, that have the greatest posterior means, the greatest first."""
-        mean, _ = self.posterior.predict(self.seen)
-        return np.asarray(self.seen[np.argsort(-mean, kind="stable")[:count]])
+        return np.asarray(self.seen[np.argsort(-self.posterior.predict_mean(self.seen), kind="stable")[:count]])
 
 
-def refit(observations: Observations, last: Belief | None, trials: int, rng: np.random.Generator) -> GaussianProcess:
+def refit(observations: Observations, last: Fitted | None, trials: int, rng: np.random.Generator) -> GaussianProcess:
     """Return the process with hyperparameters fitted from the prior's mean and from the last optimum.
 
     Every fifth trial the fit also starts at a random place: from the last optimum alone it gets stuck where the first
-    few trials led it.
+    few trials led it. A fit of these very trials, from the log, is not made again.
 
     Args:
         observations: observations to fit, at least one.
-        last: belief whose hyperparameters are the last optimum; None for the first fit.
+        last: the last fit; None for the first.
         trials: number of trials told.
         rng: random stream of the random start.
     """
     prior = Prior.of(observations.x.shape[1])
-    starts = [prior.mean] if last is None else [prior.mean, last.logs]
-    if trials % RANDOM_START_EVERY == 0:
+    starts = [prior.mean] if last is None else [prior.mean, last.hyperparameters.logs]
+    if trials % RANDOM_START_EVERY == 0:  # drawn also where nothing is fitted: others draw on from the same stream
         starts.append(rng.normal(prior.mean, prior.sd))
+    if last is not None and last.is_of(trials):
+        return GaussianProcess.condition(observations, last.hyperparameters)
     return fit(observations, prior, starts)
 
 
-def learn_alone(space: GaitSpace, trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief:
+def learn_alone(space: GaitSpace, trials: Trials, last: Fitted | None, rng: np.random.Generator) -> Belief:
     """Return what one or more trials say by themselves, without any source."""
     scale = Scale.of(trials.scores)
-    observations = Observations.alike(trials.x, scale.standardise(trials.scores))
-    return Belief.of(refit(observations, last, len(trials), rng), scale, space)
+    fitted = follow(trials, last, lambda rows: rows.observe(scale), partial(refit, trials=len(trials), rng=rng))
+    return Belief.of(fitted.process, scale, space, fitted)
+
+
+def describe_fit(space: GaitSpace, fitted: Fitted) -> dict[str, float]:
+    """Return a fit by name, with the exact numbers of the process; see ``read_fit``.
+
+    Length scales are relative to the parameters' ranges, variances are of standardised scores.
+    """
+    return {
+        **dict(zip(_length_names(space), fitted.hyperparameters.length_scale.tolist(), strict=True)),
+        "signal_variance": fitted.hyperparameters.signal_variance,
+        "noise_variance": fitted.hyperparameters.noise_variance,
+        **fitted.learned,
+    }
+
+
+def read_fit(space: GaitSpace, numbers: Mapping[str, float], trials: int) -> Fitted:
+    """Return the fit that ``describe_fit`` described, made after so many trials.
+
+    Raises:
+        ValueError: a number is missing, or impossible.
+    """
+    names = [*_length_names(space), "signal_variance", "noise_variance"]
+    if not all(1.0 / LARGEST < numbers.get(name, 0.0) < LARGEST for name in names):
+        raise ValueError("the fit lacks a length scale or a variance, or has an impossible one")
+    *length_scale, signal_variance, noise_variance = (numbers[name] for name in names)
+    learned = {name: number for name, number in numbers.items() if name not in names}
+    return Fitted(Hyperparameters(np.array(length_scale), signal_variance, noise_variance), trials, learned)
+
+
+def _length_names(space: GaitSpace) -> list[str]:
+    return [f"relative_length_scale_{parameter.name}" for parameter in space.parameters]
 
 
 def name_hyperparameters(space: GaitSpace, scale: Scale, hyperparameters: Hyperparameters) -> dict[str, float]:

@@ -10,15 +10,20 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import GaitSpace, Source
-from vvvaltr.transfer.bayes.belief import Trials, refit
-from vvvaltr.transfer.bayes.gp import GaussianProcess, Observations
+from vvvaltr.transfer.bayes.belief import refit
+from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.proposal import Proposal, list_proposals
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.search import places
 from vvvaltr.transfer.bayes.spread import spread_out
+from vvvaltr.transfer.bayes.thinning import thin
+from vvvaltr.transfer.bayes.trials import Trials
 
 WARM_TRIALS = 3
 """Number of the sources' best gaits that a warm start tries first."""
+
+SOURCE_OBSERVATIONS, LEAST_OBSERVATIONS = 120, 60
+"""Number of observations that all sources together are thinned to; a single source of several keeps the second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +31,7 @@ class EarlierRun:
     """A source that has been learned from.
 
     Args:
-        trials: the source's trials, at their places in the target's unit cube.
+        trials: the source's trials, thinned, at their places in the target's unit cube.
         process: Gaussian process fitted to these trials alone, of standardised scores.
         scale: scale that the scores are standardised by.
     """
@@ -37,7 +42,12 @@ class EarlierRun:
 
     @classmethod
     def learn(
-        cls, space: GaitSpace, seed: int, source: Source, scale_of: Callable[[Array], Scale] = Scale.of
+        cls,
+        space: GaitSpace,
+        seed: int,
+        source: Source,
+        scale_of: Callable[[Array], Scale] = Scale.of,
+        most: int = SOURCE_OBSERVATIONS,
     ) -> EarlierRun:
         """Fit a process to a source by itself.
 
@@ -46,19 +56,19 @@ class EarlierRun:
             seed: seed of every random stream.
             source: the earlier run.
             scale_of: chooses the scale of the source's scores (n,).
+            most: number of observations that a longer source is thinned to.
 
         Raises:
             ValueError: the source has another number of motors than the space.
         """
-        trials = Trials(places(space, source.gaits), np.array(source.scores))
-        scale = scale_of(trials.scores)
-        observations = Observations.alike(trials.x, scale.standardise(trials.scores))
+        told = Trials(places(space, source.gaits), np.array(source.scores))
+        trials, scale = thin(told, most), scale_of(told.scores)
         rng = stream(seed, 0, f"hyperparameters of {source.name}")
-        return cls(trials, refit(observations, None, 0, rng), scale)
+        return cls(trials, refit(trials.observe(scale), None, 0, rng), scale)
 
     def predict(self, x: Array) -> Array:
         """Return the scores (m,) that the source alone predicts at places (m, d)."""
-        return self.scale.scores(self.process.predict(x)[0])
+        return self.scale.scores(self.process.predict_mean(x))
 
     def best(self, count: int) -> Array:
         """Return the best of the places tried, (k, d), k <= count: by posterior mean, the greatest first, well apart.
@@ -66,7 +76,7 @@ class EarlierRun:
         A gait outside the target's bounds is moved to the nearest gait within them, and judged there.
         """
         inside = np.clip(self.trials.x, 0.0, 1.0)
-        return spread_out(inside, self.process.predict(inside)[0], count)
+        return spread_out(inside, self.process.predict_mean(inside), count)
 
 
 def learn_sources(
@@ -79,7 +89,8 @@ def learn_sources(
     """
     if not sources:
         raise ValueError("this method learns from an earlier run: give it a source")
-    return [EarlierRun.learn(space, seed, source, scale_of) for source in sources]
+    most = max(SOURCE_OBSERVATIONS // len(sources), LEAST_OBSERVATIONS)
+    return [EarlierRun.learn(space, seed, source, scale_of, most) for source in sources]
 
 
 def propose_best(runs: Sequence[EarlierRun]) -> list[Proposal]:

@@ -10,10 +10,14 @@ import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.bayes.acquisition import LogExpectedImprovement, maximise
-from vvvaltr.transfer.bayes.belief import Belief, Trials
+from vvvaltr.transfer.bayes.belief import Belief
+from vvvaltr.transfer.bayes.trials import Trials
 
 INCUMBENT_DRAWS = 256
 """Random draws over which the expected best is averaged."""
+
+INCUMBENT_PLACES = 200
+"""Most places that the best is sought among: of more than these, those with the greatest posterior means."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +80,9 @@ def expected_best(belief: Belief, rng: np.random.Generator) -> float:
     This exceeds the best posterior mean: any of the places may be better than its mean. The less is known of them, the
     higher is the mark that a new place must pass. A place out of bounds is judged at the nearest place within bounds.
     """
-    mean, variance = belief.posterior.predict(np.clip(belief.seen, 0.0, 1.0))
+    places = np.clip(belief.seen, 0.0, 1.0)
+    if len(places) > INCUMBENT_PLACES:
+        places = places[np.argsort(-belief.posterior.predict_mean(places), kind="stable")[:INCUMBENT_PLACES]]
+    mean, variance = belief.posterior.predict(places)
     draws = mean + np.sqrt(variance) * rng.normal(size=(INCUMBENT_DRAWS, len(mean)))
     return float(draws.max(axis=1).mean())

@@ -12,18 +12,23 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.records import Fit, Told
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Recommendation, Suggestion
 from vvvaltr.transfer.bayes.acquisition import SCAN_PLACES, PosteriorMean, maximise
-from vvvaltr.transfer.bayes.belief import Belief, Trials
-from vvvaltr.transfer.bayes.proposal import Propose
+from vvvaltr.transfer.bayes.belief import Belief, describe_fit, read_fit
+from vvvaltr.transfer.bayes.proposal import Proposal, Propose
+from vvvaltr.transfer.bayes.refitting import Fitted
 from vvvaltr.transfer.bayes.spread import spread_out
+from vvvaltr.transfer.bayes.trials import Trials
 
 FITTING = "hyperparameters"
 """Purpose of the random stream that ``Learn`` is given."""
 
-Learn = Callable[[Trials, Belief | None, np.random.Generator], Belief]
-"""Returns what is believed after one or more trials, given what was believed before the last, and a random stream."""
+Learn = Callable[[Trials, Fitted | None, np.random.Generator], Belief]
+"""Returns what is believed after one or more trials, given the last fit of hyperparameters, and a random stream.
+
+A fit of these very trials is taken as it is: see ``refitting.follow``."""
 
 
 class Search:
@@ -44,11 +49,12 @@ class Search:
         self, space: GaitSpace, seed: int, learn: Learn, propose: Propose, belief: Belief | None = None
     ) -> None:
         self._space, self._seed, self._learn, self._propose = space, seed, learn, propose
-        self._trials, self._belief = Trials.none(space), belief
+        self._trials, self._belief, self._at_first = Trials.none(space), belief, belief
+        self._proposal: Proposal | None = None  # made once between two trials, since it costs most
 
     def ask(self) -> Suggestion:
         """Return the gait to try next. It stays the same until a trial is told."""
-        proposal = self._propose(self._trials, self._belief, self._stream("proposal"))
+        proposal = self._next()
         gait = self._space.from_unit(proposal.x)
         if self._belief is None:
             return Suggestion(gait, proposal.origin)
@@ -65,10 +71,54 @@ class Search:
         Raises:
             ValueError: the score is not finite, or the gait has another number of motors than the space.
         """
-        if not math.isfinite(score):
-            raise ValueError(f"score {score} of gait {gait} is not finite: tell only valid trials")
-        self._trials = self._trials.add(places(self._space, [gait])[0], score)
-        self._belief = self._learn(self._trials, self._belief, self._stream(FITTING))
+        self._trials = self._trials.then(self._checked([gait], [score]))
+        last = self._belief.fitted if self._belief else None
+        self._belief, self._proposal = self._learn(self._trials, last, self._stream(FITTING)), None
+
+    def fit(self) -> Fit | None:
+        """Return the fit of the hyperparameters after the last trial; None before the first and where there is none."""
+        if self._belief is None or self._belief.fitted is None or not len(self._trials):
+            return None
+        fitted = self._belief.fitted
+        return Fit(describe_fit(self._space, fitted), fitted.is_of(len(self._trials)))
+
+    def recall(self, history: Sequence[Told]) -> None:
+        """Be told a whole history at once in place of all that was told before.
+
+        The last new fit of the history is taken over, and what follows it is learned without the fits in between: the
+        bits are those of an optimiser that was told trial by trial. Trials behind the last fit, and the trials of a
+        history without a usable fit, are told one by one.
+
+        Raises:
+            ValueError: as of ``tell``.
+        """
+        self._trials, self._belief, self._proposal = Trials.none(self._space), self._at_first, None
+        logged = max((i for i, told in enumerate(history, start=1) if told.fit), default=0)
+        known = self._restore(history[:logged]) if logged else 0
+        for told in history[known:]:
+            self.tell(told.gait, told.score)
+
+    def _restore(self, history: Sequence[Told]) -> int:
+        """Learn from a history that ends with a fit; return how many trials of it were learned from: all, or none."""
+        told = self._checked([told.gait for told in history], [told.score for told in history])
+        newest = max((i for i, each in enumerate(history, start=1) if each.fit and each.fit.is_new), default=0)
+        fit = history[newest - 1].fit if newest else None
+        try:
+            last = read_fit(self._space, fit.hyperparameters if fit else {}, newest)
+            belief = self._learn(told.part(slice(newest)), last, self._stream(FITTING, newest))
+            if newest < len(told):
+                belief = self._learn(told, belief.fitted, self._stream(FITTING, len(told)))
+        except (ValueError, KeyError, np.linalg.LinAlgError):  # another method's, or spoilt: it is fitted again
+            return 0
+        self._trials, self._belief = told, belief
+        return len(told)
+
+    def _checked(self, gaits: Sequence[Gait], scores: Sequence[float]) -> Trials:
+        """Return trials of these gaits. Raises ValueError as ``tell`` does."""
+        for gait, score in zip(gaits, scores, strict=True):
+            if not math.isfinite(score):
+                raise ValueError(f"score {score} of gait {gait} is not finite: tell only valid trials")
+        return Trials(places(self._space, gaits), np.array(scores, dtype=float))
 
     def recommend(self) -> Recommendation:
         """Return the gait with the greatest posterior mean, and the 95 % interval of its true mean score.
@@ -105,7 +155,12 @@ class Search:
 
         Infinite while suggestions are not chosen for an expected gain.
         """
-        return self._propose(self._trials, self._belief, self._stream("proposal")).improvement
+        return self._next().improvement
+
+    def _next(self) -> Proposal:
+        if self._proposal is None:
+            self._proposal = self._propose(self._trials, self._belief, self._stream("proposal"))
+        return self._proposal
 
     def _best(self) -> Array:
         """Return the place (d,) of the greatest posterior mean."""
@@ -117,8 +172,8 @@ class Search:
             raise ValueError("there is no trial to predict from yet: tell one first")
         return self._belief
 
-    def _stream(self, purpose: str) -> np.random.Generator:
-        return stream(self._seed, len(self._trials), purpose)
+    def _stream(self, purpose: str, trials: int | None = None) -> np.random.Generator:
+        return stream(self._seed, len(self._trials) if trials is None else trials, purpose)
 
 
 def places(space: GaitSpace, gaits: Sequence[Gait]) -> Array:

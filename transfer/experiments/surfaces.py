@@ -11,8 +11,9 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, GaitSpace
-from vvvaltr.transfer.bayes.belief import Trials, learn_alone
+from vvvaltr.transfer.bayes.belief import learn_alone
 from vvvaltr.transfer.bayes.search import places
+from vvvaltr.transfer.bayes.trials import Trials
 from vvvaltr.transfer.experiments.unit import Result
 
 GRID_POINTS = 21  # along each axis; odd, so that one of them is off where motors may turn both ways

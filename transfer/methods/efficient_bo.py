@@ -16,12 +16,14 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import GaitSpace, Source
-from vvvaltr.transfer.bayes.belief import Belief, Trials, refit
+from vvvaltr.transfer.bayes.belief import Belief, refit
 from vvvaltr.transfer.bayes.earlier_run import EarlierRun, learn_sources
-from vvvaltr.transfer.bayes.gp import Observations
+from vvvaltr.transfer.bayes.kernel import Observations
 from vvvaltr.transfer.bayes.proposal import begin_with
+from vvvaltr.transfer.bayes.refitting import Fitted, follow
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.search import FITTING, Search
+from vvvaltr.transfer.bayes.trials import Trials
 from vvvaltr.transfer.methods.method import Method
 
 ALPHA_0 = BETA_0 = 1e-3
@@ -76,22 +78,28 @@ def source_variance(differences: Array) -> float:
 
 
 def learn_together(
-    space: GaitSpace, runs: Sequence[EarlierRun], trials: Trials, last: Belief | None, rng: np.random.Generator
+    space: GaitSpace, runs: Sequence[EarlierRun], trials: Trials, last: Fitted | None, rng: np.random.Generator
 ) -> Belief:
     """Return what the trials of the target, none or more, and of the sources say together, in one process."""
-    tasks = [*(run.trials for run in runs), trials]
-    scores = np.concatenate([task.scores for task in tasks])
-    scale = Scale.linear(scores)
+    scale = Scale.linear(np.concatenate([*(run.trials.scores for run in runs), trials.scores]))
     variances = [source_variance((trials.scores - run.predict(trials.x)) / scale.unit()) for run in runs]
-    observations = Observations(
-        x=np.concatenate([task.x for task in tasks]),
-        y=scale.standardise(scores),
-        given=np.repeat([*variances, 0.0], [len(task) for task in tasks]),
-        share=np.repeat([0.0] * len(runs) + [1.0], [len(task) for task in tasks]),
-    )
-    belief = Belief.of(refit(observations, last, len(trials), rng), scale, space)
+    observe = partial(pool, runs, scale, variances)
+    fitted = follow(trials, last, observe, partial(refit, trials=len(trials), rng=rng))
+    belief = Belief.of(fitted.process, scale, space, fitted)
     deviations = {f"source_{i}_noise_sd": scale.unit() * math.sqrt(v) for i, v in enumerate(variances, start=1)}
     return replace(belief, hyperparameters={**belief.hyperparameters, **deviations})
+
+
+def pool(runs: Sequence[EarlierRun], scale: Scale, variances: Sequence[float], trials: Trials) -> Observations:
+    """Return the trials of all tasks as observations of one function, each source with its noise variance."""
+    tasks = [*(run.trials for run in runs), trials]
+    lengths, shares = [len(task) for task in tasks], np.concatenate([task.shares for task in tasks])
+    return Observations(
+        x=np.concatenate([task.x for task in tasks]),
+        y=scale.standardise(np.concatenate([task.scores for task in tasks])),
+        given=shares * np.repeat([*variances, 0.0], lengths),
+        share=shares * np.repeat([0.0] * len(runs) + [1.0], lengths),
+    )
 
 
 METHOD = Method(

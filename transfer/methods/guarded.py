@@ -11,12 +11,16 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import GaitSpace, Source
 from vvvaltr.transfer.bayes.acquisition import Posterior
-from vvvaltr.transfer.bayes.belief import Belief, Trials, learn_alone
+from vvvaltr.transfer.bayes.belief import Belief, learn_alone
 from vvvaltr.transfer.bayes.earlier_run import EarlierRun, learn_sources, propose_best
-from vvvaltr.transfer.bayes.gp import GaussianProcess, Observations, Prior, fit
+from vvvaltr.transfer.bayes.fitting import Prior, fit
+from vvvaltr.transfer.bayes.gp import GaussianProcess
+from vvvaltr.transfer.bayes.kernel import Observations
 from vvvaltr.transfer.bayes.proposal import Proposal, begin_with, maximise_improvement
+from vvvaltr.transfer.bayes.refitting import EVERY_TRIAL, Conditioned, Fitted, follow
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.search import Search
+from vvvaltr.transfer.bayes.trials import Trials
 from vvvaltr.transfer.methods.icm import couple
 from vvvaltr.transfer.methods.method import Method
 from vvvaltr.transfer.methods.optimistic import OPTIMISM_SD, raise_prior_mean
@@ -61,13 +65,13 @@ class Guarded(Search):
     def __init__(self, space: GaitSpace, seed: int, sources: Sequence[Source]) -> None:
         runs = learn_sources(space, seed, sources)
 
-        def learn(trials: Trials, last: Belief | None, rng: np.random.Generator) -> Belief:
+        def learn(trials: Trials, last: Fitted | None, rng: np.random.Generator) -> Belief:
             return learn_with_doubt(space, runs, trials, last)
 
         def choose(trials: Trials, belief: Belief, rng: np.random.Generator) -> Proposal:
             if len(trials) % 2:
                 optimism = OPTIMISM_SD * math.exp(-len(trials) / OPTIMISM_DECAY_TRIALS)
-                belief = raise_prior_mean(learn_alone(space, trials, None, rng), optimism)
+                belief = raise_prior_mean(believe_target(space, trials, belief, rng), optimism)
             return maximise_improvement(belief, rng)
 
         super().__init__(space, seed, learn, begin_with(propose_best(runs), choose))
@@ -100,16 +104,41 @@ class Mixture:
         slopes = variance_slopes + 2.0 * away[:, :, None] * (mean_slopes - mean_slope)
         return mean, self.weights @ (variances + away**2), mean_slope, np.tensordot(self.weights, slopes, 1)
 
+    def predict_mean(self, x: Array) -> Array:
+        """See ``Posterior``."""
+        return np.asarray(self.weights @ np.array([posterior.predict_mean(x) for posterior in self.posteriors]))
 
-def learn_with_doubt(space: GaitSpace, runs: Sequence[EarlierRun], trials: Trials, last: Belief | None) -> Belief:
+    def predict_mean_with_gradient(self, x: Array) -> tuple[Array, Array]:
+        """See ``Posterior``."""
+        parts = zip(*(posterior.predict_mean_with_gradient(x) for posterior in self.posteriors), strict=True)
+        means, slopes = map(np.array, parts)
+        return self.weights @ means, np.tensordot(self.weights, slopes, 1)
+
+
+def believe_target(space: GaitSpace, trials: Trials, belief: Belief, rng: np.random.Generator) -> Belief:
+    """Return what the target's trials say by themselves.
+
+    While there are few, their hyperparameters are fitted without regard to the sources; later these hardly matter.
+    """
+    if len(trials) <= EVERY_TRIAL:
+        return learn_alone(space, trials, None, rng)
+    assert isinstance(belief.fitted, Conditioned)
+    return replace(belief, posterior=belief.fitted.process)
+
+
+def learn_with_doubt(space: GaitSpace, runs: Sequence[EarlierRun], trials: Trials, last: Fitted | None) -> Belief:
     """Return what one or more trials of the target say together with the sources, as far as these can be trusted."""
     scale, prior = choose_common_scale(runs, trials), expect_like(runs)
-    observations = Observations.alike(trials.x, scale.standardise(trials.scores))
-    alone = fit(observations, prior, [prior.mean] if last is None else [prior.mean, last.logs])
     correlations, probabilities = list_hypotheses(len(runs))
-    processes = [
-        GaussianProcess.condition(couple(runs, trials, scale, choice), alone.hyperparameters) for choice in correlations
-    ]
+
+    def find(observations: Observations, last: Fitted | None) -> GaussianProcess:
+        if last is not None and last.is_of(len(trials)):
+            return GaussianProcess.condition(observations, last.hyperparameters)
+        return fit(observations, prior, [prior.mean] if last is None else [prior.mean, last.hyperparameters.logs])
+
+    fitted = follow(trials, last, lambda rows: rows.observe(scale), find)
+    coupled = [couple(runs, fitted.rows, scale, choice) for choice in correlations]
+    processes = follow_hypotheses(fitted, last, coupled)
     weights = probabilities
     if len(trials) > 1:  # the common scale is fitted to the first trial, which therefore decides nothing
         earlier = sum(len(run.trials) for run in runs)
@@ -118,9 +147,18 @@ def learn_with_doubt(space: GaitSpace, runs: Sequence[EarlierRun], trials: Trial
         weights /= weights.sum()
     kept = np.flatnonzero(weights > LEAST_WEIGHT)
     posterior = Mixture([processes[i] for i in kept], weights[kept] / weights[kept].sum())
-    belief = Belief.of(alone, scale, space)
+    belief = Belief.of(fitted.process, scale, space, replace(fitted, others=tuple(processes)))
     trust = {f"source_{i}_trust": float(weights[source != 0.0].sum()) for i, source in enumerate(correlations.T, 1)}
     return replace(belief, posterior=posterior, hyperparameters={**belief.hyperparameters, **trust})
+
+
+def follow_hypotheses(
+    fitted: Conditioned, last: Fitted | None, coupled: Sequence[Observations]
+) -> list[GaussianProcess]:
+    """Return the process of each hypothesis: the last one extended, or after a new fit one from the beginning."""
+    if isinstance(last, Conditioned) and not fitted.is_of(fitted.told):
+        return [process.extend(observations) for process, observations in zip(last.others, coupled, strict=True)]
+    return [GaussianProcess.condition(observations, fitted.hyperparameters) for observations in coupled]
 
 
 def list_hypotheses(sources: int) -> tuple[Array, Array]:

@@ -8,10 +8,11 @@ from functools import partial
 import numpy as np
 
 from vvvaltr.controller.core.values import GaitSpace
-from vvvaltr.transfer.bayes.belief import Belief, Trials, learn_alone
+from vvvaltr.transfer.bayes.belief import Belief, learn_alone
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.proposal import Proposal, maximise_improvement
 from vvvaltr.transfer.bayes.search import Search
+from vvvaltr.transfer.bayes.trials import Trials
 from vvvaltr.transfer.methods.method import Method
 
 OPTIMISM_SD = 2.0
@@ -46,8 +47,7 @@ def raise_prior_mean(belief: Belief, level: float) -> Belief:
     """
     process, scale = belief.posterior, belief.scale
     assert isinstance(process, GaussianProcess)
-    observations = replace(process.observations, y=process.observations.y - level)
-    posterior = GaussianProcess.condition(observations, process.hyperparameters)
+    posterior = process.with_values(process.observations.y - level)
     return replace(belief, posterior=posterior, scale=replace(scale, centre=scale.centre + level * scale.spread))
 
 

@@ -7,9 +7,10 @@ from functools import partial
 import numpy as np
 
 from vvvaltr.controller.core.values import GaitSpace
-from vvvaltr.transfer.bayes.belief import Belief, Trials, learn_alone
+from vvvaltr.transfer.bayes.belief import Belief, learn_alone
 from vvvaltr.transfer.bayes.proposal import Proposal
 from vvvaltr.transfer.bayes.search import Search
+from vvvaltr.transfer.bayes.trials import Trials
 from vvvaltr.transfer.methods.method import Method
 
 

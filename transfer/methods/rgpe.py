@@ -15,15 +15,20 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import GaitSpace, Source
 from vvvaltr.transfer.bayes.acquisition import Posterior
-from vvvaltr.transfer.bayes.belief import Belief, Trials, learn_alone
+from vvvaltr.transfer.bayes.belief import Belief, learn_alone
 from vvvaltr.transfer.bayes.earlier_run import EarlierRun, learn_sources, propose_best
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.proposal import begin_with
+from vvvaltr.transfer.bayes.refitting import Fitted
 from vvvaltr.transfer.bayes.search import Search
+from vvvaltr.transfer.bayes.trials import Trials
 from vvvaltr.transfer.methods.method import Method
 
 RANKING_DRAWS = 256
 """Random draws of each posterior whose rankings are compared."""
+
+RANKED = 100
+"""Most observations that are ranked: of more than these, so many at even intervals."""
 
 
 class RGPE(Search):
@@ -79,9 +84,19 @@ class Ensemble:
             np.tensordot(twice, variance_gradient, 1),
         )
 
+    def predict_mean(self, x: Array) -> Array:
+        """See ``Posterior``."""
+        return np.asarray(self.weights @ np.array([posterior.predict_mean(x) for posterior in self.posteriors]))
+
+    def predict_mean_with_gradient(self, x: Array) -> tuple[Array, Array]:
+        """See ``Posterior``."""
+        parts = zip(*(posterior.predict_mean_with_gradient(x) for posterior in self.posteriors), strict=True)
+        mean, gradient = map(np.array, parts)
+        return self.weights @ mean, np.tensordot(self.weights, gradient, 1)
+
 
 def learn_as_ensemble(
-    space: GaitSpace, runs: Sequence[EarlierRun], trials: Trials, last: Belief | None, rng: np.random.Generator
+    space: GaitSpace, runs: Sequence[EarlierRun], trials: Trials, last: Fitted | None, rng: np.random.Generator
 ) -> Belief:
     """Return what the processes of the sources and of one or more trials of the target say together, by weight."""
     belief = learn_alone(space, trials, last, rng)
@@ -97,11 +112,13 @@ def learn_as_ensemble(
 
 def ensemble_weights(sources: Sequence[GaussianProcess], target: GaussianProcess, rng: np.random.Generator) -> Array:
     """Return the weights (sources + 1,) of the sources' processes and, last, of the target's. They sum to 1."""
-    x, y = target.observations.x, target.observations.y
+    ranked = np.unique(np.linspace(0, len(target.weights) - 1, RANKED).round().astype(int))
+    x, y = target.observations.x[ranked], target.observations.y[ranked]
     if len(y) < 3:  # predicted from the others, two trials leave nothing to rank
         return np.append(np.full(len(sources), 1.0), 0.0) / len(sources)
-    predictions = [*(source.predict(x) for source in sources), leave_one_out(target)]
-    noise = [0.0] * len(sources) + [target.hyperparameters.noise_variance]
+    of_target = tuple(numbers[ranked] for numbers in leave_one_out(target))
+    predictions = [*(source.predict(x) for source in sources), of_target]
+    noise = [*[0.0] * len(sources), target.observations.share[ranked] * target.hyperparameters.noise_variance]
     mistakes = np.array(
         [
             count_ranking_mistakes(

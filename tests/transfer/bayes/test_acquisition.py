@@ -6,7 +6,8 @@ from scipy.stats import norm
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.bayes.acquisition import LogExpectedImprovement, PosteriorMean, log_h, maximise
-from vvvaltr.transfer.bayes.gp import GaussianProcess, Hyperparameters, Observations
+from vvvaltr.transfer.bayes.gp import GaussianProcess
+from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations
 
 
 def process() -> GaussianProcess:
@@ -85,6 +86,13 @@ class Hill:
 
     def predict_with_gradient(self, x: Array) -> tuple[Array, Array, Array, Array]:
         return *self.predict(x), -2.0 * (x - self.summit), np.zeros_like(x)
+
+    def predict_mean(self, x: Array) -> Array:
+        return self.predict(x)[0]
+
+    def predict_mean_with_gradient(self, x: Array) -> tuple[Array, Array]:
+        mean, _, gradient, _ = self.predict_with_gradient(x)
+        return mean, gradient
 
 
 @pytest.mark.parametrize("summit", [[0.3, 0.7, 0.5], [1.4, 0.5, -0.2]])

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,7 +8,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.transfer.bayes.gp import JITTER, GaussianProcess, Hyperparameters, Improbability, Observations, Prior, fit
+from vvvaltr.transfer.bayes.fitting import Improbability, Prior, fit
+from vvvaltr.transfer.bayes.gp import GaussianProcess
+from vvvaltr.transfer.bayes.kernel import JITTER, Hyperparameters, Observations, covariance_of, squared_differences
 
 PLAIN = Hyperparameters(np.array([0.4]), 1.5, 0.2)
 
@@ -179,3 +182,86 @@ def test_degenerate_data_give_finite_predictions(x: Array, y: Array, places: int
     for numbers in (mean, variance, mean_gradient, variance_gradient):
         assert np.isfinite(numbers).all()
     assert (variance > 0.0).all()
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_a_process_that_is_extended_is_the_one_conditioned_on_all(coupled: bool) -> None:
+    whole = some_observations(places=14)
+    if coupled:
+        loading = np.where(np.arange(14) < 5, 0.6, 1.0)
+        coupling = np.where(loading[:, None] == loading, 1.0, 0.6)
+        whole = replace(whole, coupling=coupling, loading=loading)
+    fitted, x = Hyperparameters(np.array([0.4, 0.3, 0.6]), 1.3, 0.2), np.random.default_rng(1).random((7, 3))
+
+    grown = GaussianProcess.condition(first(whole, 9), fitted).extend(whole)
+
+    expected = GaussianProcess.condition(whole, fitted)
+    assert grown.inverse_root == pytest.approx(expected.inverse_root, abs=1e-12)
+    for ours, theirs in zip(grown.predict(x), expected.predict(x), strict=True):
+        assert ours == pytest.approx(theirs, abs=1e-12)
+
+
+@given(st.integers(1, 300), st.integers(1, 30))
+@settings(max_examples=25, deadline=None)
+def test_rows_added_one_by_one_or_at_once_give_the_same_bits(known: int, added: int) -> None:
+    whole = some_observations(places=known + added)
+    fitted = Hyperparameters(np.array([0.4, 0.3, 0.6]), 1.3, 0.2)
+    begun = GaussianProcess.condition(first(whole, known), fitted)
+
+    in_steps = begun
+    for count in range(known + 1, known + added + 1):
+        in_steps = in_steps.extend(first(whole, count))
+
+    assert np.array_equal(in_steps.inverse_root, begun.extend(whole).inverse_root)
+
+
+def test_a_repeat_of_a_noiseless_gait_leaves_the_process_finite() -> None:
+    x, fitted = np.full((4, 1), 0.5), Hyperparameters(np.array([0.4]), 1.0, 1e-12)
+    begun = GaussianProcess.condition(Observations.alike(x[:1], np.ones(1)), fitted)
+
+    grown = begun.extend(Observations.alike(x, np.ones(4)))
+
+    assert grown.predict(x[:1])[0] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_observations_whose_noise_has_changed_are_conditioned_on_from_the_beginning() -> None:
+    whole = some_observations(places=12)
+    fitted = Hyperparameters(np.array([0.4, 0.3, 0.6]), 1.3, 0.2)
+    louder = replace(whole, given=whole.given + 0.5)
+
+    grown = GaussianProcess.condition(first(whole, 9), fitted).extend(louder)
+
+    assert np.array_equal(grown.inverse_root, GaussianProcess.condition(louder, fitted).inverse_root)
+
+
+def test_the_mean_alone_has_the_bits_of_mean_and_variance() -> None:
+    observations, x = some_observations(places=250), np.random.default_rng(1).random((300, 3))
+    process = GaussianProcess.condition(observations, Hyperparameters(np.array([0.4, 0.3, 0.6]), 1.3, 0.2))
+
+    mean, _, gradient, _ = process.predict_with_gradient(x)
+    alone, slope = process.predict_mean_with_gradient(x)
+
+    assert np.array_equal(process.predict_mean(x), process.predict(x)[0])
+    assert np.array_equal(alone, mean) and np.array_equal(slope, gradient)
+
+
+def test_a_large_process_is_inverted_and_predicted_in_blocks_with_the_same_result() -> None:
+    observations, x = some_observations(places=330), np.random.default_rng(1).random((20, 3))
+    fitted = Hyperparameters(np.array([0.4, 0.3, 0.6]), 1.3, 0.2)
+    process = GaussianProcess.condition(observations, fitted)
+    covariance, _ = covariance_of(observations, fitted, squared_differences(observations.x))
+
+    assert process.inverse_root @ covariance @ process.inverse_root.T == pytest.approx(np.eye(330), abs=1e-9)
+    assert process.predict(x)[1] == pytest.approx(process.predict_with_gradient(x)[1], abs=1e-12)
+
+
+def first(observations: Observations, count: int) -> Observations:
+    coupled = isinstance(observations.coupling, np.ndarray)
+    return Observations(
+        observations.x[:count],
+        observations.y[:count],
+        observations.given[:count],
+        observations.share[:count],
+        observations.coupling[:count, :count] if coupled else 1.0,  # type: ignore[index]
+        observations.loading[:count] if coupled else 1.0,  # type: ignore[index]
+    )

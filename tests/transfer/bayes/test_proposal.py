@@ -3,7 +3,8 @@ import pytest
 
 from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.transfer.bayes.belief import Belief
-from vvvaltr.transfer.bayes.gp import GaussianProcess, Hyperparameters, Observations
+from vvvaltr.transfer.bayes.gp import GaussianProcess
+from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations
 from vvvaltr.transfer.bayes.proposal import expected_best
 from vvvaltr.transfer.bayes.scale import Scale
 

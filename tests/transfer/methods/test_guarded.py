@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from vvvaltr.controller.core.values import Gait, GaitSpace, Source
-from vvvaltr.transfer.bayes.gp import GaussianProcess, Hyperparameters, Observations
+from vvvaltr.transfer.bayes.gp import GaussianProcess
+from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations
 from vvvaltr.transfer.methods.guarded import Guarded, Mixture, list_hypotheses
 
 SPACE = GaitSpace.over(3, -20.0, 20.0)

@@ -6,7 +6,8 @@ import pytest
 
 from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.values import Gait, GaitSpace, Source
-from vvvaltr.transfer.bayes.gp import GaussianProcess, Hyperparameters, Observations
+from vvvaltr.transfer.bayes.gp import GaussianProcess
+from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations
 from vvvaltr.transfer.methods.registry import METHODS, make_optimizer
 from vvvaltr.transfer.methods.rgpe import ensemble_weights
 
