@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 from vvvaltr.controller.cli.answer import Answer, Command
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number, trial_duration, whole
 from vvvaltr.controller.cli.telling import bar, say_above
-from vvvaltr.controller.core.errors import NotUnderstood
+from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
 if TYPE_CHECKING:
     from vvvaltr.controller.studies.repertoire import RepertoireRun
+    from vvvaltr.transfer.steering.repertoire import Repertoire
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -29,6 +30,8 @@ def _add_arguments(parser: ArgumentParser) -> None:
                        help="frequencies to try in Hz; positive ones are tried in both senses of rotation")  # fmt: skip
     group.add_argument("--from", dest="sources", action="append", type=Path, metavar="RUN",
                        help="put together what this run has logged instead of driving; repeatable")  # fmt: skip
+    group.add_argument("--picture", type=Path, metavar="FILE",
+                       help="also draw where each movement leads, as .png, .pdf or .svg")  # fmt: skip
     where = parser.add_argument_group("run").add_mutually_exclusive_group()
     where.add_argument("--out", type=Path, metavar="DIR", help="a new directory for the run (default below runs/)")
     where.add_argument("--resume", type=Path, metavar="DIR", help="go on with this run, as it would have gone on")
@@ -38,12 +41,14 @@ def _execute(arguments: Namespace) -> Answer:
     from vvvaltr.controller.studies.repertoire import describe, put_together
 
     out = arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-repertoire"
+    if arguments.picture is not None:
+        _refuse_bad_picture(arguments.picture)
     if arguments.sources:
-        if asked_robot(arguments) or arguments.trials or arguments.resume or arguments.range_hz or arguments.duration_s:
-            raise NotUnderstood(
-                "--from makes no trials: leave out the robot, --gaits, --duration, --range and --resume"
-            )
-        return _answer(out, describe(put_together(arguments.sources, out)))
+        driving = (arguments.trials, arguments.resume, arguments.range_hz, arguments.duration_s)
+        if asked_robot(arguments) or any(driving):
+            raise NotUnderstood("--from makes no trials: leave out --robot, --gaits, --duration, --range and --resume")
+        repertoire = put_together(arguments.sources, out)
+        return _answer(out, describe(repertoire), repertoire, arguments.picture)
     run = _open(arguments, out)
     try:
         with closing(run):
@@ -53,7 +58,16 @@ def _execute(arguments: Namespace) -> Answer:
     finally:
         result = describe(run.repertoire)
         run.run.summarise({"run": str(run.run.path), **result})
-    return _answer(run.run.path, result)
+    return _answer(run.run.path, result, run.repertoire, arguments.picture)
+
+
+def _refuse_bad_picture(path: Path) -> None:
+    from importlib.util import find_spec
+
+    if find_spec("matplotlib") is None:
+        raise UserError('the picture needs matplotlib: pip install "vvvaltr[report]"')
+    if path.suffix not in (".png", ".pdf", ".svg"):
+        raise NotUnderstood(f"--picture {path}: the name of a picture ends in .png, .pdf or .svg")
 
 
 def _open(arguments: Namespace, out: Path) -> RepertoireRun:
@@ -81,13 +95,18 @@ def _learn(run: RepertoireRun, arguments: Namespace) -> None:
                 progress.update()
 
 
-def _answer(path: Path, result: dict[str, Any]) -> Answer:
+def _answer(path: Path, result: dict[str, Any], repertoire: Repertoire, picture: Path | None) -> Answer:
+    if picture is not None:
+        from vvvaltr.controller.studies.repertoire_picture import draw_repertoire
+
+        draw_repertoire(repertoire, str(path), picture)
     lines = [
         f"movements  {result['gaits']} gaits in {result['trials']} trials",
         f"fastest    {1000 * result['fastest_m_s']:.1f} mm/s",
         f"turning    {result['turn_left_rad_s']:.2f} rad/s to the left, {result['turn_right_rad_s']:.2f} to the right",
         f"floor      drifts by {1000 * result['drift_m_s'][0]:.1f} {1000 * result['drift_m_s'][1]:.1f} mm/s",
         f"run        {path}",
+        *([f"picture    {picture}"] if picture else []),
     ]
     return Answer("\n".join(lines), {"run": str(path), **result})
 

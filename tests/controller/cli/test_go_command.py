@@ -49,6 +49,15 @@ def test_a_repertoire_says_what_it_can_do(moves: Path) -> None:
     assert {"gait_hz", "forward_m_s", "left_m_s", "turn_rad_s", "sd", "scatter", "trials"} == set(found["movements"][0])
 
 
+def test_a_repertoire_is_drawn(moves: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture, out = tmp_path / "moves.svg", tmp_path / "all"
+
+    status, _, _ = call(capsys, "repertoire", "--from", str(moves), "--out", str(out), "--picture", str(picture))
+
+    assert status == 0
+    assert picture.read_text().count("<path") > 20
+
+
 def test_a_repertoire_goes_on_as_it_would_have_gone_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     at_once, in_two = tmp_path / "at_once", tmp_path / "in_two"
     begin = ("repertoire", "--robot", "planar", "--duration", "1", "--seed", "3")
