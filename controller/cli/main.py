@@ -23,12 +23,12 @@ from vvvaltr.controller.core.signals import interrupt_on_signals
 GROUPS = {
     "find a gait": ("learn", "trial", "landscape", "experiment"),
     "drive the robot": ("repertoire", "go", "jog"),
-    "look at what was measured": ("view", "report", "export", "import"),
+    "look at what was measured": ("view", "report", "export", "import", "foxglove-layout"),
     "set a robot up": ("check", "calibrate", "camera", "track", "mock"),
     "this program": ("completion",),
 }
 COMMANDS = tuple(name for names in GROUPS.values() for name in names)
-MODULES = {"import": "import_trials"}  # a module cannot be called by a keyword
+MODULES = {"import": "import_trials", "foxglove-layout": "foxglove_layout"}  # names that no module can have
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -26,7 +26,7 @@ from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import Command, MotorState, Photo, Pose, Source, Structure, Suggestion, Trial
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement
-from vvvaltr.controller.runs.schema import codec
+from vvvaltr.controller.runs.schema import codec, drawing
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, NewFile, TornFile, lock, read_entries, register
 from vvvaltr.controller.runs.schema.trial_codec import decode_trial, encode_trial
@@ -42,6 +42,7 @@ _KINDS: dict[str, type[Message]] = {
     "/motors/command": pb.Command,
     "/motors/state": pb.MotorState,
     "/trial": pb.Trial,
+    **drawing.KINDS,
 }
 
 _Timed = tuple[str, int, Message]  # topic, log time in ns since 1970, message
@@ -52,6 +53,7 @@ class RunLog:
 
     def __init__(self, disk: NewFile, head: Run) -> None:
         self._disk = disk
+        self._structure = head.structure
         # Uncompressed, so that no file can unpack to more than its size; a chunk ends only where `_write` flushes it.
         self._writer = Writer(cast(IO[Any], disk), chunk_size=1 << 60, compression=CompressionType.NONE)
         self._writer.start()
@@ -59,7 +61,10 @@ class RunLog:
         self._end_ns = 0  # of the last trial
         begin_ns = _ns(head.trials[0].trial.started_unix_s) if head.trials else time.time_ns()
         self._writer.add_metadata("vvvaltr", dict(head.about))
-        self._write([("/run", begin_ns, codec.encode_run(FORMAT, head))])
+        begin: list[_Timed] = [("/run", begin_ns, codec.encode_run(FORMAT, head))]
+        if head.structure is not None and head.structure.terrain is not None:
+            begin.append(("/ground", begin_ns, drawing.draw_ground(head.structure.terrain, begin_ns)))
+        self._write(begin)
         for logged in head.trials:
             self._write(self._messages(logged))
         disk.sync()
@@ -172,6 +177,8 @@ class RunLog:
             ("/motors/command", origin_ns + _ns(each.t_s), codec.encode_command(each)) for each in trial.commands
         ]
         messages += [("/motors/state", origin_ns + _ns(each.t_s), codec.encode_state(each)) for each in trial.states]
+        log_bytes = sum(drawing.count_bytes(message) for _, _, message in messages)
+        messages += drawing.draw_trial(trial.poses, self._structure, origin_ns, log_bytes)
         began_ns = _ns(trial.started_unix_s)
         for photo in trial.photos:
             at_ns = origin_ns + _ns(photo.t_s)
