@@ -453,9 +453,9 @@ def test_a_wrong_byte_in_a_trial_with_others_behind_it_is_damage_and_not_a_torn_
 
 @pytest.fixture
 def small_disk() -> object:
-    """Files cannot grow past 100 kB, as if the disk were full."""
+    """Files cannot grow past 200 kB, as if the disk were full."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, hard))
     yield
     resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
