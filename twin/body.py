@@ -106,6 +106,7 @@ class Motor:
         max_hz: limit of the actual frequency; 0 for a motor that does not turn.
         spin_up_s: time constant with which the actual frequency approaches the commanded one.
         rotor_kg_m2: inertia of the rotor; as it speeds up, the strut turns the other way.
+        spin_down_s: time constant where the frequency falls; None for that of the spin-up.
     """
 
     strut: int
@@ -114,6 +115,7 @@ class Motor:
     max_hz: float
     spin_up_s: float
     rotor_kg_m2: float = 0.0
+    spin_down_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,6 +60,14 @@ class Engine(Protocol):
         """Put the settled robot down at ``start``, at rest, with its motors off, and set the time to 0."""
         ...
 
+    def incline(self, angle_rad: float, azimuth_rad: float) -> None:
+        """Incline the whole floor, with all axes on it; ``azimuth_rad`` is the direction downhill, from x to y.
+
+        It is gravity that turns: heights, angles and positions still count from the floor. The planar twin's floor goes
+        down towards positive or negative x, whichever is nearer.
+        """
+        ...
+
     def step(self, gait: Gait, duration_s: float) -> None:
         """Drive with ``gait`` for ``duration_s``; the part that does not fill a time step is added to the next call.
 

@@ -10,8 +10,10 @@ from vvvaltr.twin.bodies import Parts, make_body
 from vvvaltr.twin.body import Body, ConstantForce, EccentricForce, ForceLaw, apply_damage
 from vvvaltr.twin.engine import Engine
 from vvvaltr.twin.robot import TwinRobot
-from vvvaltr.twin.scatter import Scatter
+from vvvaltr.twin.scatter import USUAL_NOISE, Scatter, TrackerNoise, parse_scatter
 from vvvaltr.twin.world import PLAIN, World
+
+_TIME_CONSTANTS = 3.0  # in which 95 % of a change are made
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +32,14 @@ class Preset:
         body: name of the usual body.
         parts: numbers of the bodies; ``make`` replaces their force law.
         drives: force laws by name.
-        scatter: usual scatter.
+        frequency_scatter: deviation of the motors' frequency in the scatter ``frequency``, that of version 0.1.
         make_engine: makes the physics of a body in a world at a time step in seconds, 0 for the engine's own.
     """
 
     body: str
     parts: Parts
     drives: Mapping[str, Drive]
-    scatter: Scatter
+    frequency_scatter: float
     make_engine: Callable[[Body, World, float], Engine]
 
     def make(
@@ -47,8 +49,9 @@ class Preset:
         damage: Sequence[str] = (),
         law: str = "eccentric",
         seed: int = 0,
-        scatter: Scatter | None = None,
+        scatter: Scatter | str = "careful",
         time_step_s: float = 0.0,
+        noise: TrackerNoise = USUAL_NOISE,
     ) -> TwinRobot:
         """Return a robot on this twin.
 
@@ -58,11 +61,12 @@ class Preset:
             damage: what is broken, in the words of ``body.apply_damage``.
             law: force law of the motors, eccentric or constant; each has its own range of frequencies.
             seed: seed of the scatter.
-            scatter: what differs from trial to trial; None for the twin's usual scatter.
+            scatter: what differs from trial to trial; as text in the words of ``scatter.parse_scatter``.
             time_step_s: time step of the physics; 0 for the engine's own.
+            noise: noise of the tracker.
 
         Raises:
-            ValueError: the body or the law is unknown, or the damage is impossible; one line.
+            ValueError: the body, the law or the scatter is unknown, or the damage is impossible; one line.
             UserError: MuJoCo is missing.
             Diverged: the body cannot even be put down.
         """
@@ -70,8 +74,21 @@ class Preset:
             raise ValueError(unknown("force law", law, self.drives))
         drive = self.drives[law]
         parts = replace(self.parts, law=drive.law, max_hz=drive.range_hz[1])
-        engine = self.make_engine(apply_damage(make_body(body or self.body, parts), damage), world, time_step_s)
-        return TwinRobot(engine, drive.range_hz, seed, self.scatter if scatter is None else scatter)
+        if isinstance(scatter, str):
+            scatter = parse_scatter(scatter, self.frequency_scatter)
+        made = apply_damage(make_body(body or self.body, parts), damage)
+        if scatter.spin_up_s:
+            made = _spin_up_within(made, scatter.spin_up_s)
+        engine = self.make_engine(made, world, time_step_s)
+        return TwinRobot(engine, drive.range_hz, seed, scatter, noise)
+
+
+def _spin_up_within(body: Body, duration_s: float) -> Body:
+    """Return the body with motors that reach 95 % of their frequency within ``duration_s``, and stop as before."""
+    motors = (
+        replace(motor, spin_up_s=duration_s / _TIME_CONSTANTS, spin_down_s=motor.spin_up_s) for motor in body.motors
+    )
+    return replace(body, motors=tuple(motors))
 
 
 def _make_planar_engine(body: Body, world: World, time_step_s: float) -> Engine:
@@ -123,8 +140,8 @@ SPATIAL_PARTS = Parts(
 )
 
 TWINS: Mapping[str, Preset] = {
-    "planar": Preset("prism3", PLANAR_PARTS, PLANAR_DRIVES, Scatter(), _make_planar_engine),
-    "spatial": Preset("icosahedron6", SPATIAL_PARTS, SPATIAL_DRIVES, Scatter(frequency=0.05), _make_spatial_engine),
+    "planar": Preset("prism3", PLANAR_PARTS, PLANAR_DRIVES, 0.10, _make_planar_engine),
+    "spatial": Preset("icosahedron6", SPATIAL_PARTS, SPATIAL_DRIVES, 0.05, _make_spatial_engine),
 }
 """The twins that ``--robot`` names."""
 

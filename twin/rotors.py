@@ -27,7 +27,9 @@ class Rotors:
         self._laws = [motor.law for motor in motors]
         self._same_law = len(set(self._laws)) == 1
         self._max_hz = np.array([motor.max_hz for motor in motors])
-        self._lag_steps = np.array([motor.spin_up_s for motor in motors]) / time_step_s
+        down_s = [motor.spin_up_s if motor.spin_down_s is None else motor.spin_down_s for motor in motors]
+        self._up_steps = self._lag_steps = np.array([motor.spin_up_s for motor in motors]) / time_step_s
+        self._down_steps = np.array(down_s) / time_step_s
         self._step_rad = 2.0 * math.pi * time_step_s
         self._angle_rad = np.zeros(len(motors))
         self.applied_hz = np.zeros(len(motors))
@@ -56,6 +58,8 @@ class Rotors:
     def _take(self, gait: Gait) -> None:
         self._gait = gait
         self._target_hz = np.minimum(np.maximum(gait.frequency_hz, -self._max_hz), self._max_hz)
+        is_faster = np.abs(self._target_hz) >= np.abs(self.applied_hz)
+        self._lag_steps = np.where(is_faster, self._up_steps, self._down_steps)
         self._amplitude, self._phase_rad = np.array(gait.amplitude), np.array(gait.phase_rad)
         self._steady_n = self._forces_n(self._target_hz)
         self._is_steady = self._has_reached()

@@ -52,6 +52,7 @@ def open_robot(
     friction: float | None = None,
     damage: Sequence[str] = (),
     law: str | None = None,
+    scatter: str | None = None,
 ) -> OpenRobot:
     """Return an open robot, ready for ``run_trial`` and ``learn``.
 
@@ -64,6 +65,7 @@ def open_robot(
         friction: Coulomb coefficient of a twin's ground; None for 0.5.
         damage: to a twin, written as on the command line: ``["snap:4,8"]``.
         law: force law of a twin's motors: ``eccentric`` or ``constant``; None for eccentric.
+        scatter: of a twin, written as on the command line: ``hurried:incline_rad=0.05``; None for ``careful``.
 
     Raises:
         UserError: there is no such robot or condition, or the robot's file is wrong; the message says how to mend it.
@@ -77,6 +79,7 @@ def open_robot(
         "friction": friction,
         "damage": tuple(damage) or None,
         "law": law,
+        "scatter": scatter,
     }
     asked = {key: value for key, value in condition.items() if value is not None}
     return OpenRobot(open_rig(choose_robot({"name": str(name), **asked}), seed))

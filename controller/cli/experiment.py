@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
-from vvvaltr.controller.cli.options import TWINS, method_details, number, whole
+from vvvaltr.controller.cli.options import TWINS, heading_limit, method_details, number, whole
 from vvvaltr.controller.cli.parser import Details
 from vvvaltr.controller.cli.telling import bar
 from vvvaltr.controller.core.errors import NotUnderstood
@@ -35,6 +35,10 @@ def _add_arguments(parser: ArgumentParser) -> None:
     group.add_argument("--signed", action="store_true", help="let the motors also turn in reverse")
     group.add_argument("--seed", type=whole(0), default=0, metavar="N",
                        help="seed of every random stream (default 0)")  # fmt: skip
+    group.add_argument("--scatter", metavar="CAUSES",
+                       help="causes of scatter: careful (default), hurried, none or frequency")  # fmt: skip
+    group.add_argument("--heading-limit", dest="heading_limit_rad", type=heading_limit, metavar="RAD",
+                       help="end a trial when the robot has turned further (default inf: never)")  # fmt: skip
     group = parser.add_argument_group("size of each run, smaller for a quick look")
     group.add_argument("--duration", dest="duration_s", type=number(low=0.1), default=5.0, metavar="S",
                        help="time that the motors are driven in a trial, in s (default 5)")  # fmt: skip
@@ -70,11 +74,11 @@ def _execute(arguments: Namespace) -> Answer:
     methods = arguments.methods or list_transfer_methods()
     if strangers := set(methods) - set(list_transfer_methods()):
         raise NotUnderstood(f"--methods: {unknown('method', min(strangers), list_transfer_methods())}")
-    settings = _settings(arguments)
+    out = arguments.out or Path("runs") / f"experiments-{arguments.robot}{'-signed' * arguments.signed}"
+    settings = _settings(arguments, out)
     with one_line_errors():
         robot, _ = open_condition(settings, pairs[0].target, settings.seed)  # here, before anything is written
         robot.close()
-    out = arguments.out or Path("runs") / f"experiments-{arguments.robot}{'-signed' * arguments.signed}"
     with cluster(arguments.scheduler) if arguments.scheduler else processes(arguments.jobs) as executor:
         store = Store.begin(out, settings)
         try:
@@ -86,11 +90,14 @@ def _execute(arguments: Namespace) -> Answer:
     return Answer(_prose(found, out), {"experiments": as_json(found), "out": str(out)})
 
 
-def _settings(arguments: Namespace) -> Settings:
+def _settings(arguments: Namespace, out: Path) -> Settings:
+    """Return what was asked for; what was not, and is newer than the campaign in ``out``, as it is there."""
+    from vvvaltr.transfer.experiments.store import Store
     from vvvaltr.transfer.experiments.unit import LONGEST_S, Settings
 
     if arguments.duration_s > LONGEST_S:
         raise NotUnderstood(f"--duration is {arguments.duration_s:g}; allowed: 0.1 to {LONGEST_S:g}")
+    begun = Store.open(out).settings if (out / "campaign.toml").exists() else Settings()
     return Settings(
         robot=arguments.robot,
         signed=arguments.signed,
@@ -98,6 +105,8 @@ def _settings(arguments: Namespace) -> Settings:
         duration_s=arguments.duration_s,
         starts=arguments.starts,
         most_trials=arguments.trials,
+        scatter=arguments.scatter or begun.scatter,
+        heading_limit_rad=arguments.heading_limit_rad or begun.heading_limit_rad,
     )
 
 

@@ -128,7 +128,11 @@ def _survey(arguments: Namespace) -> Any:
     return Survey(
         choice=choice,
         seed=seed,
-        settings=replace(rig.settings, duration_s=arguments.duration_s or rig.settings.duration_s),
+        settings=replace(
+            rig.settings,
+            duration_s=arguments.duration_s or rig.settings.duration_s,
+            heading_limit_rad=arguments.heading_limit_rad or rig.settings.heading_limit_rad,
+        ),
         score_name=arguments.score or "net",
         range_hz=range_hz,
         motor_count=motor_count,

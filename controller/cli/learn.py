@@ -89,10 +89,13 @@ def _execute(arguments: Namespace) -> Answer:
     return Answer(_prose(result), result)
 
 
+_KEYS = ("method", "seed", "trials", "duration_s", "score", "optimise", "range_hz", "confirm", "heading_limit_rad")
+
+
 def _asked(arguments: Namespace) -> dict[str, Any]:
     """Return what was asked for, keyed as in RunConfig; what was not given is absent."""
     asked: dict[str, Any] = {"robot": asked_robot(arguments)}
-    for key in ("method", "seed", "trials", "duration_s", "score", "optimise", "range_hz", "confirm"):
+    for key in _KEYS:
         if (value := getattr(arguments, key)) is not None:
             asked[key] = value
     if arguments.stop_below_mm_s is not None:
@@ -119,6 +122,8 @@ def _learn(run: RunDirectory, observers: Sequence[Observer], arguments: Namespac
             if logged.score is None:
                 say_above(progress, f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}")
             else:
+                if logged.trial.reason:
+                    say_above(progress, f"trial {logged.trial.number} was cut short: {logged.trial.reason}")
                 progress.set_postfix_str(f"{1000 * logged.score:.1f} mm/s", refresh=False)
                 progress.update()
 

@@ -67,6 +67,11 @@ trial_duration = number(low=0.1)
 """The argument type of a trial's duration in s: long enough to see the robot move."""
 
 
+def heading_limit(text: str) -> float:
+    """Convert an argument: a number above 0, or inf."""
+    return math.inf if text == "inf" else number(above=0)(text)
+
+
 def add_robot_arguments(parser: ArgumentParser) -> None:
     """Declare which robot, and a twin's condition."""
     group = parser.add_argument_group("robot")
@@ -94,6 +99,19 @@ def add_robot_arguments(parser: ArgumentParser) -> None:
         "--friction", metavar="MU", type=number(low=0), help="Coulomb coefficient of the ground (default 0.5)"
     )
     twin.add_argument(
+        "--scatter",
+        metavar="CAUSES",
+        help="what differs from trial to trial: careful (default), hurried, none or frequency; settings as in "
+        "hurried:incline_rad=0.05,not_starting=0",
+    )
+    twin.add_argument(
+        "--tracker-noise",
+        dest="tracker_noise_mm",
+        metavar="MM",
+        type=number(low=0),
+        help="noise of each coordinate of the tracker in mm, of the angles in proportion (default 0.2)",
+    )
+    twin.add_argument(
         "--damage",
         action="append",
         metavar="WHAT",
@@ -110,6 +128,13 @@ def add_trial_arguments(parser: ArgumentParser) -> None:
         metavar="S",
         type=trial_duration,
         help="time that the motors are driven, in s (default 5)",
+    )
+    group.add_argument(
+        "--heading-limit",
+        dest="heading_limit_rad",
+        metavar="RAD",
+        type=heading_limit,
+        help="end a trial when the robot has turned further, in rad (default inf, or what the robot's file says)",
     )
     group.add_argument(
         "--score",
@@ -161,7 +186,7 @@ def chosen_robot_file(arguments: Namespace, command: str, purpose: str) -> Path 
     return path
 
 
-_ROBOT_KEYS = ("body", "law", "world", "gravity_m_s2", "friction", "damage")
+_ROBOT_KEYS = ("body", "law", "world", "gravity_m_s2", "friction", "scatter", "damage")
 
 
 def asked_robot(arguments: Namespace) -> dict[str, Any]:
@@ -169,6 +194,8 @@ def asked_robot(arguments: Namespace) -> dict[str, Any]:
     asked = {key: value for key in _ROBOT_KEYS if (value := getattr(arguments, key)) is not None}
     if arguments.robot is not None:
         asked["name"] = arguments.robot
+    if arguments.tracker_noise_mm is not None:
+        asked["tracker_noise_m"] = arguments.tracker_noise_mm / 1000.0
     if "damage" in asked:
         asked["damage"] = tuple(asked["damage"])
     return asked

@@ -75,7 +75,11 @@ def _trials(rig: Rig, gait: Gait, arguments: Namespace) -> list[LoggedTrial]:
     """Make the trials, and keep them if that was asked for."""
     from vvvaltr.controller.studies.repeats import repeat_trial
 
-    settings = replace(rig.settings, duration_s=arguments.duration_s or rig.settings.duration_s)
+    settings = replace(
+        rig.settings,
+        duration_s=arguments.duration_s or rig.settings.duration_s,
+        heading_limit_rad=arguments.heading_limit_rad or rig.settings.heading_limit_rad,
+    )
     with ExitStack() as stack:
         record: Callable[[LoggedTrial], None] = lambda _: None  # noqa: E731
         if arguments.out is not None:

@@ -174,4 +174,5 @@ class HeadingGuard:
         turn_rad = math.remainder(pose.yaw_rad - self._start_rad, math.tau)
         self._turned = self._turned + 1 if abs(turn_rad) > self._limit_rad else 0
         if self._turned >= self._checks:
-            raise SafetyStop(Outcome.CUT_SHORT, f"turned by {turn_rad:+.2f} rad")
+            limit = f"further than the heading limit of {self._limit_rad:g} rad"
+            raise SafetyStop(Outcome.CUT_SHORT, f"turned by {turn_rad:+.2f} rad, {limit}")

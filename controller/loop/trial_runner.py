@@ -33,7 +33,7 @@ class TrialSettings:
         period_s: time between two commands, and between two readings of tracker and motors.
         hold_s: time a command stays in force; the motors stop by themselves if the next one is later.
         arena: rectangle that the robot may not leave; None for no limit.
-        heading_limit_rad: greatest change of heading; None for no limit.
+        heading_limit_rad: greatest change of heading; None or infinite for no limit.
         rest_s: time the robot takes to come to rest after the drive; its end is measured then.
         rest_poses: number of poses that start and end are averages of; 0 for the first and the last pose of the drive.
         plausibility: limits of a plausible pose; None for any pose that is a number.
@@ -45,7 +45,7 @@ class TrialSettings:
     period_s: float = 0.05
     hold_s: float = 0.25
     arena: Arena | None = None
-    heading_limit_rad: float | None = 1.0
+    heading_limit_rad: float | None = None
     rest_s: float = 0.25
     rest_poses: int = 5
     plausibility: Plausibility | None = field(default_factory=Plausibility)
@@ -55,7 +55,7 @@ class TrialSettings:
         guards: list[Guard] = []
         if self.arena is not None:
             guards.append(make_arena_guard(self.arena))
-        if self.heading_limit_rad is not None:
+        if self.heading_limit_rad is not None and self.heading_limit_rad < math.inf:
             guards.append(HeadingGuard(self.heading_limit_rad))
         return guards
 

@@ -9,6 +9,8 @@ import msgspec
 _OPTIONS = {
     "name": "--robot",
     "gravity_m_s2": "--gravity",
+    "tracker_noise_m": "--tracker-noise",
+    "heading_limit_rad": "--heading-limit",
     "sources": "--source",
     "duration_s": "--duration",
     "range_hz": "--range",
@@ -27,6 +29,9 @@ class RobotChoice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         gravity_m_s2: gravity.
         friction: friction coefficient of the ground.
         damage: what is broken, as on the command line: ``snap:4,18``.
+        scatter: what differs from trial to trial, as on the command line: ``careful``; None in a run of version 0.1,
+            whose scatter is ``frequency``.
+        tracker_noise_m: standard deviation of each coordinate that the tracker reads; None for the usual one.
         file: the contents of the robot's file; None for a twin.
     """
 
@@ -37,6 +42,8 @@ class RobotChoice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gravity_m_s2: float | None = None
     friction: float | None = None
     damage: tuple[str, ...] | None = None
+    scatter: str | None = None
+    tracker_noise_m: float | None = None
     file: dict[str, Any] | None = None
 
     @property

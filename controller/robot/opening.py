@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from vvvaltr.controller.core.errors import NotUnderstood, one_line_errors
+from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
@@ -18,6 +19,8 @@ from vvvaltr.controller.robot.choice import RobotChoice, option
 if TYPE_CHECKING:
     from vvvaltr.twin.presets import Preset
     from vvvaltr.twin.robot import TwinRobot
+
+_FORMER_SCATTER = "frequency"  # of runs that do not name theirs
 
 _LOG = logging.getLogger(__name__)
 
@@ -46,7 +49,7 @@ def choose_robot(asked: dict[str, Any]) -> RobotChoice:
     name = asked.get("name", "planar")
     if not name.endswith(".toml"):
         with one_line_errors():
-            usual = {"body": _twin(name).body, "law": "eccentric", "world": "flat", "damage": ()}
+            usual = {"body": _twin(name).body, "law": "eccentric", "world": "flat", "damage": (), "scatter": "careful"}
             return _explicit(RobotChoice(**{**usual, **asked, "name": name}))
     if condition := [key for key in asked if key != "name"]:
         raise NotUnderstood(
@@ -68,14 +71,21 @@ def _twin(name: str) -> Preset:
 
 def _explicit(choice: RobotChoice) -> RobotChoice:
     """Return the choice of a twin with its world's gravity and friction written out."""
+    from vvvaltr.twin.scatter import parse_scatter
     from vvvaltr.twin.world import parse_world
 
     world = parse_world(choice.world or "flat", choice.gravity_m_s2, choice.friction)
+    parse_scatter(choice.scatter or _FORMER_SCATTER, _twin(choice.name).frequency_scatter)
     return msgspec.structs.replace(choice, gravity_m_s2=world.gravity_m_s2, friction=world.friction)
 
 
-def open_rig(choice: RobotChoice, seed: int) -> Rig:
+def open_rig(choice: RobotChoice, seed: int, lies: RestingPose | None = None) -> Rig:
     """Open the robot.
+
+    Args:
+        choice: which robot.
+        seed: seed of all that scatters on a twin.
+        lies: where a twin that is left where it stopped lies; None for the start of a run.
 
     Raises:
         UserError: the choice is impossible.
@@ -83,24 +93,44 @@ def open_rig(choice: RobotChoice, seed: int) -> Rig:
     """
     _LOG.info("opening %s", choice.name)
     with one_line_errors():
-        return _open_twin(choice, seed) if choice.is_twin else _open_hardware(choice)
+        return _open_twin(choice, seed, lies) if choice.is_twin else _open_hardware(choice)
 
 
-def make_twin(choice: RobotChoice, seed: int) -> TwinRobot:
-    """Return the twin that ``choice`` describes, without a guard. Raises ValueError if there is none."""
+def make_twin(choice: RobotChoice, seed: int, in_any_order: bool = False) -> TwinRobot:
+    """Return the twin that ``choice`` describes, without a guard.
+
+    Args:
+        choice: which twin, and its condition.
+        seed: seed of all that scatters.
+        in_any_order: whether its trials may be made in any order: the robot is then put back for each.
+
+    Raises:
+        ValueError: there is no such twin, or its condition is impossible.
+    """
+    from vvvaltr.twin.scatter import TrackerNoise, parse_scatter
     from vvvaltr.twin.world import parse_world
 
-    return _twin(choice.name).make(
+    usual, position_m = TrackerNoise(), choice.tracker_noise_m
+    share = 1.0 if position_m is None else position_m / usual.position_m
+    preset = _twin(choice.name)
+    scatter = parse_scatter(choice.scatter or _FORMER_SCATTER, preset.frequency_scatter)
+    return preset.make(
         body=choice.body,
         world=parse_world(choice.world or "flat", choice.gravity_m_s2, choice.friction),
         damage=choice.damage or (),
         law=choice.law or "eccentric",
         seed=seed,
+        scatter=scatter.put_back() if in_any_order else scatter,
+        noise=TrackerNoise(share * usual.position_m, share * usual.angle_rad),
     )
 
 
-def _open_twin(choice: RobotChoice, seed: int) -> Rig:
+def _open_twin(choice: RobotChoice, seed: int, lies: RestingPose | None) -> Rig:
+    from vvvaltr.twin.engine import Start
+
     twin = make_twin(choice, seed)
+    if lies is not None:
+        twin.put_down(Start(*lies.position_m[:2], lies.yaw_rad))
     return Rig(GuardedRobot(twin, Limits(twin.max_hz)), TrialSettings(), twin.range_hz)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
@@ -42,7 +43,7 @@ class TrialTable(Table, frozen=True, kw_only=True):
     ramp_s: Pause = 0.2
     period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.04
     hold_s: Annotated[float, Meta(gt=0, le=1)] = 0.25
-    heading_limit_rad: Positive = 1.0
+    heading_limit_rad: Positive = math.inf
     rest_s: Pause = 0.25
     max_speed_m_s: Annotated[float, Meta(ge=0, le=GREATEST_SPEED_M_S)] = 0.0
 

@@ -41,6 +41,8 @@ class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
         range_hz: lowest and highest frequency that the search gives to a motor.
         confirm: number of promising gaits that the last trials repeat, and number of repeats of each.
         stop_below_m_s: the search ends when the next trial is expected to gain less than this.
+        heading_limit_rad: greatest change of heading, infinite for any; None in a run of version 0.1, for 1 rad on a
+            twin and what the robot's file says on a real robot.
         format: version of the file's layout.
     """
 
@@ -55,6 +57,7 @@ class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
     range_hz: tuple[float, float]
     confirm: tuple[int, int] = (0, 0)
     stop_below_m_s: float = 0.0
+    heading_limit_rad: float | None = None
     format: int = FORMAT
 
 
@@ -72,6 +75,8 @@ def check_config(config: RunConfig, spell: Callable[[str], str] = str) -> None:
         raise ValueError(f"{spell('optimise')}: {min(wrong)!r} is unknown; allowed: {', '.join(Quantity)}")
     if Quantity.FREQUENCY not in config.optimise or len(set(config.optimise)) < len(config.optimise):
         raise ValueError(f"{spell('optimise')}: frequency must be among what is searched, and each quantity named once")
+    if config.heading_limit_rad is not None and not config.heading_limit_rad > 0.0:
+        raise ValueError(f"{spell('heading_limit_rad')} is {config.heading_limit_rad:g}; allowed: above 0, or inf")
     if min(config.confirm) < 0:
         raise ValueError(f"{spell('confirm')} is {list(config.confirm)}; allowed: 0 or more")
     low_hz, high_hz = config.range_hz

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
@@ -15,6 +16,7 @@ from vvvaltr.controller.core.disk import new_folder, write_whole
 from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
 from vvvaltr.controller.core.protocols import Observer, Optimizer
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
+from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity, Source
 from vvvaltr.controller.loop.learn import Budget, learn, make_source
 from vvvaltr.controller.loop.summary import summarise
@@ -23,6 +25,8 @@ from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.runs.config import RunConfig, check_config, load_config, refuse_difference, save_config
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog, describe_maker, read_run
 from vvvaltr.transfer.methods.registry import make_optimizer
+
+_FORMER_HEADING_LIMIT_RAD = 1.0  # of runs on twins that do not name theirs
 
 
 class RunDirectory:
@@ -73,10 +77,11 @@ class RunDirectory:
         stored = load_config(path)
         refuse_difference(stored, asked)
         config = msgspec.structs.replace(stored, trials=asked.get("trials", stored.trials))
-        sources = read_run(path / LOG_NAME).sources
+        before = read_run(path / LOG_NAME)
+        sources = before.sources
         with _blame(path / "run.toml"):
             _make_budget(config)
-            rig = open_rig(config.robot, config.seed)
+            rig = open_rig(config.robot, config.seed, _last_place(before.trials))
         with ExitStack() as undo:
             undo.callback(rig.robot.close)
             with _blame(path / "run.toml"):
@@ -98,7 +103,8 @@ class RunDirectory:
 
         ``observers`` are told of each trial once it is in the log and in `summary.json`.
         """
-        settings = replace(self._rig.settings, duration_s=self.config.duration_s)
+        heading_limit_rad = _heading_limit_rad(self.config, self._rig)
+        settings = replace(self._rig.settings, duration_s=self.config.duration_s, heading_limit_rad=heading_limit_rad)
         history, all_observers = tuple(self.trials), [_Summary(self), *observers]
         budget = _make_budget(self.config)
         return learn(self._rig.robot, self.optimizer, settings, budget, self._record, history, all_observers)
@@ -161,6 +167,18 @@ def _make_budget(config: RunConfig) -> Budget:
         return Budget(config.trials, config.score, config.confirm, config.stop_below_m_s)
 
 
+def _heading_limit_rad(config: RunConfig, rig: Rig) -> float | None:
+    """Return the greatest change of heading of a run's trials."""
+    if config.heading_limit_rad is not None:
+        return config.heading_limit_rad
+    return _FORMER_HEADING_LIMIT_RAD if config.robot.is_twin else rig.settings.heading_limit_rad
+
+
+def _last_place(trials: Sequence[LoggedTrial]) -> RestingPose | None:
+    """Return where the robot came to rest, as far as it was seen."""
+    return next((it.movement.end for it in reversed(trials) if it.movement is not None), None)
+
+
 @contextmanager
 def _blame(path: Path) -> Iterator[None]:
     """Name the file at fault in front of every error."""
@@ -200,6 +218,7 @@ def _complete(asked: dict[str, Any], rig: Rig) -> RunConfig:
         "score": "net",
         "optimise": (Quantity.FREQUENCY.value,),
         "range_hz": rig.range_hz,
+        "heading_limit_rad": rig.settings.heading_limit_rad or math.inf,
     }
     config = RunConfig(**{**usual, **asked})
     with one_line_errors():

@@ -98,7 +98,7 @@ def measure(survey: Survey, jobs: int, progress: Callable[[Iterable[float]], Ite
     """
     trials = [gait for gait in survey.gaits() for _ in range(survey.repeats)]
     tasks = [partial(_speed_m_s, survey, gait, number) for number, gait in enumerate(trials, start=1)]
-    with closing(run_all(partial(make_twin, survey.choice, survey.seed), tasks, jobs)) as results:
+    with closing(run_all(partial(make_twin, survey.choice, survey.seed, in_any_order=True), tasks, jobs)) as results:
         speeds = np.array(list(progress(results)))
     by_gait = np.ma.masked_invalid(speeds.reshape(len(survey.pairs), survey.grid, survey.grid, survey.repeats))
     means = by_gait.mean(axis=3).filled(np.nan)

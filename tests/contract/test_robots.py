@@ -10,7 +10,7 @@ from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.robot.contract import RobotContract
 from vvvaltr.twin.presets import TWINS
-from vvvaltr.twin.scatter import Scatter
+from vvvaltr.twin.scatter import Scatter, TrackerNoise
 
 
 class TwinContract(RobotContract):
@@ -20,7 +20,7 @@ class TwinContract(RobotContract):
         yield cls.device
 
     def open_robot(self, source: str) -> Robot:
-        twin = TWINS[source].make(scatter=Scatter.none())
+        twin = TWINS[source].make(scatter=Scatter.none(), noise=TrackerNoise.none())
         return GuardedRobot(twin, Limits(twin.max_hz))
 
 

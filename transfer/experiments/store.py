@@ -15,7 +15,8 @@ from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.transfer.experiments.unit import Result, Settings, Step, Truth, Unit
 
-_OPTIONS = {"duration_s": "--duration", "most_trials": "--trials"}
+_OPTIONS = {"duration_s": "--duration", "most_trials": "--trials", "heading_limit_rad": "--heading-limit"}
+_FORMER = {"scatter": "frequency", "heading_limit_rad": 1.0}  # of campaigns that do not name theirs
 _ENCODER = msgspec.json.Encoder()
 _DECODER = msgspec.json.Decoder(Step | Truth)
 
@@ -33,6 +34,7 @@ class Store:
         path = folder / "campaign.toml"
         try:
             content = tomllib.loads(path.read_text(encoding="utf-8"))
+            content = {**_FORMER, **content}
             if missing := set(Settings.__struct_fields__) - set(content):
                 raise ValueError(f"{min(missing)} is missing")
             return cls(folder, msgspec.convert(content, Settings))

@@ -21,6 +21,7 @@ from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, ru
 from vvvaltr.transfer.experiments.thesis import BODIES, Condition
 from vvvaltr.transfer.methods.registry import make_optimizer
 from vvvaltr.twin.presets import TWINS
+from vvvaltr.twin.scatter import parse_scatter
 
 TRUTH_PERIOD_S = 0.1
 """Period of commands while a true speed is measured: a fifth less work than with the usual 0.05 s."""
@@ -40,6 +41,8 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         duration_s: duration of a trial.
         starts: number of fresh starts whose mean is a recommended gait's true speed.
         most_trials: greatest number of trials in a run; 0 for the experiments' own.
+        scatter: what differs from trial to trial, as on the command line; ``frequency`` in campaigns of version 0.1.
+        heading_limit_rad: greatest change of heading in a trial, infinite for any; 1 in campaigns of version 0.1.
 
     Raises:
         ValueError: a value is out of range.
@@ -51,6 +54,8 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     duration_s: float = 5.0
     starts: int = 20
     most_trials: int = 0
+    scatter: str = "careful"
+    heading_limit_rad: float = math.inf
 
     def __post_init__(self) -> None:
         if self.robot not in BODIES:
@@ -160,9 +165,25 @@ def work(settings: Settings, unit: Unit, source: Source | None) -> Result:
         raise RuntimeError(f"{unit.name}: {crash}") from crash.__cause__
 
 
-def open_condition(settings: Settings, condition: Condition, seed: int) -> tuple[GuardedRobot, GaitSpace]:
-    """Return the robot in a condition, to be closed after use, and the gaits to search."""
-    robot = TWINS[settings.robot].make(condition.body, condition.world, condition.damage, seed=seed)
+def open_condition(
+    settings: Settings, condition: Condition, seed: int, for_truth: bool = False
+) -> tuple[GuardedRobot, GaitSpace]:
+    """Return the robot in a condition, to be closed after use, and the gaits to search.
+
+    Args:
+        settings: settings of the campaign.
+        condition: body, world and damage.
+        seed: seed of the scatter.
+        for_truth: whether true speeds are to be measured: on a level floor, from fresh starts, with full strength and
+            all motors turning.
+
+    Raises:
+        ValueError: the scatter is not understood.
+    """
+    preset = TWINS[settings.robot]
+    scatter = parse_scatter(settings.scatter, preset.frequency_scatter)
+    scatter = scatter.level() if for_truth else scatter
+    robot = preset.make(condition.body, condition.world, condition.damage, seed=seed, scatter=scatter)
     low_hz, high_hz = robot.range_hz
     space = GaitSpace.over(robot.motors.motor_count, -high_hz if settings.signed else low_hz, high_hz)
     return GuardedRobot(robot, Limits(robot.max_hz)), space
@@ -172,7 +193,7 @@ def _learn(settings: Settings, unit: Unit, source: Source | None) -> tuple[Step,
     seed = _seed(settings, unit.repeat, unit.role)
     robot, space = open_condition(settings, unit.condition, seed)
     optimizer = make_optimizer(unit.method, space, seed, [source] if source else [])
-    trial_settings = TrialSettings(settings.duration_s)
+    trial_settings = TrialSettings(settings.duration_s, heading_limit_rad=settings.heading_limit_rad)
     trials: list[LoggedTrial] = []
     with closing(robot):
         for _ in learn(robot, optimizer, trial_settings, Budget(unit.trials), trials.append):
@@ -205,8 +226,9 @@ def _measure_speeds_m_s(
     settings: Settings, condition: Condition, repeat: int, gait_hz: tuple[float, ...]
 ) -> tuple[float, ...]:
     """Return the speeds of a gait in m/s. All gaits of a repeat have the same starts."""
-    robot, _ = open_condition(settings, condition, _seed(settings, repeat, "true speed"))
-    trial_settings = TrialSettings(settings.duration_s, period_s=TRUTH_PERIOD_S)
+    robot, _ = open_condition(settings, condition, _seed(settings, repeat, "true speed"), for_truth=True)
+    limit_rad = settings.heading_limit_rad
+    trial_settings = TrialSettings(settings.duration_s, period_s=TRUTH_PERIOD_S, heading_limit_rad=limit_rad)
     with closing(robot):
         starts = [run_trial(robot, Gait(gait_hz), trial_settings, start + 1) for start in range(settings.starts)]
     return tuple(score(trial) for trial in starts if trial.outcome.is_valid)

@@ -6,6 +6,7 @@ motors rotate in that plane, in the frame of their strut.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -46,12 +47,13 @@ class PlanarEngine:
         self.time_step_s = time_step_s or choose_time_step_s(body)
         self._settled = _settle(body, world.gravity_m_s2, world.friction, self.time_step_s)
         self._settled_rad = float(self._settled.angles_rad.mean())
+        self._incline_rad = 0.0
         self.reset()
 
     def reset(self, start: Start = LEVEL) -> None:
         """See ``Engine``. The space is made anew: the contacts that the old one remembers would change the motion."""
         posture = _put_down(self._settled, flatten(self.body).lengths_m, start, self.world)
-        self._plane = Plane(self.body, self.world, posture, self.time_step_s)
+        self._plane = Plane(self.body, self.world, posture, self.time_step_s, self._incline_rad)
         self._rotors = Rotors(self.body.motors, self.time_step_s)
         self._due_s = 0.0
         self._steps = 0
@@ -60,6 +62,11 @@ class PlanarEngine:
     def time_s(self) -> float:
         """See ``Engine``."""
         return self._steps * self.time_step_s
+
+    def incline(self, angle_rad: float, azimuth_rad: float) -> None:
+        """See ``Engine``. The robot is put down anew."""
+        self._incline_rad = math.copysign(angle_rad, math.cos(azimuth_rad))
+        self.reset()
 
     def step(self, gait: Gait, duration_s: float) -> None:
         """See ``Engine``."""

@@ -116,9 +116,12 @@ class Plane:
         world: world that it moves in.
         posture: posture in which the struts start.
         time_step_s: time step of the integration.
+        incline_rad: angle of the floor, which goes down towards positive x.
     """
 
-    def __init__(self, body: Body, world: World, posture: Posture, time_step_s: float) -> None:
+    def __init__(
+        self, body: Body, world: World, posture: Posture, time_step_s: float, incline_rad: float = 0.0
+    ) -> None:
         import pymunk
 
         layout = flatten(body)
@@ -127,7 +130,10 @@ class Plane:
         self.space = pymunk.Space()
         self.space.iterations = SOLVER_ITERATIONS
         self.space.collision_slop = PENETRATION_M
-        self.space.gravity = (0.0, -world.gravity_m_s2)
+        self.space.gravity = (
+            world.gravity_m_s2 * math.sin(incline_rad),
+            -world.gravity_m_s2 * math.cos(incline_rad),
+        )
         self.struts = [self._add_strut(body, strut, posture) for strut in range(len(body.struts))]
         self._ends = [self._end(node) for node in range(len(body.nodes_m))]
         for spring, rest_m in zip(body.springs, layout.rests_m.tolist(), strict=True):

@@ -60,6 +60,12 @@ class SpatialEngine:
         self._due_s = 0.0
         self._steps = 0
 
+    def incline(self, angle_rad: float, azimuth_rad: float) -> None:
+        """See ``Engine``."""
+        down, along = math.cos(angle_rad), math.sin(angle_rad)
+        direction = np.array([along * math.cos(azimuth_rad), along * math.sin(azimuth_rad), -down])
+        self._simulation.set_gravity(self.world.gravity_m_s2 * direction)
+
     @property
     def time_s(self) -> float:
         """See ``Engine``."""
@@ -137,6 +143,10 @@ class _Simulation:
         self._model, self._data, self._still = model, MjData(model), MjData(model)
         self._rollout = Rollout(nthread=0)
         self._coordinates = slice(1, 1 + model.nq)
+
+    def set_gravity(self, gravity_m_s2: Array) -> None:
+        """Set gravity, a vector (3,) along the world's axes, from the next step on."""
+        self._model.opt.gravity[:] = gravity_m_s2
 
     def begin(self, posture: Array) -> None:
         """Start from rest in ``posture``, at time 0."""

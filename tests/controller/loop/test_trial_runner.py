@@ -114,7 +114,7 @@ def test_circling_cuts_the_trial_short_and_it_counts_over_the_time_it_ran() -> N
     robot = ScriptedRobot(at_s=1.0)
     robot.event = lambda: Pose(robot.t_s, (robot.x_m, 0.0, 0.0), yaw_rad=1.5)
 
-    trial = run_trial(robot, GAIT, NO_RAMP)
+    trial = run_trial(robot, GAIT, replace(NO_RAMP, heading_limit_rad=1.0))
 
     assert trial.outcome is Outcome.CUT_SHORT
     assert trial.duration_s == pytest.approx(1.2)
