@@ -234,6 +234,40 @@ def occlusions(count: int) -> dict[str, Any]:
     return {"occlusions": count, "lost": lost, "held_or_invented": held, "wrong": wrong, "looks": poses}
 
 
+def set_points(duration_s: float) -> dict[str, float]:
+    """Return the longest time between two set-points at a qik board in ms, with no camera and then with one.
+
+    The controller's process learns without a pause, as in ``benchmarks.hil``. The mock's camera, which draws 50
+    pictures a second, takes more of the machine than a real one.
+    """
+    from benchmarks.hil import measure_longest_gaps
+    from benchmarks.observed import ObservedDevice
+    from vvvaltr.controller.robot.hardware import open_hardware
+    from vvvaltr.controller.robot.robot_file import load_robot_file
+    from vvvaltr.drivers.trackers.camera.tracker import CameraTracker
+
+    figures = {}
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        ObservedDevice("qik", Path(folder, "qik")) as device,
+        closing(open_hardware(load_robot_file(device.robot_file))) as robot,
+    ):
+        gaps = measure_longest_gaps([device], [robot], duration_s)
+        figures["without_camera_ms"] = gaps["set_point_longest_gap_ms"]
+        mock = make_feed()
+        assert isinstance(mock.table, CameraTable)
+        shown = Shown(mock.feed)
+        shown.start()
+        with closing(CameraTracker(mock.table)):
+            gaps = measure_longest_gaps([device], [robot], duration_s)
+            figures["with_camera_ms"] = gaps["set_point_longest_gap_ms"]
+            figures["device_longest_pause_ms"] = gaps["device_longest_pause_ms"]
+        shown.is_over.set()
+        shown.join()
+        mock.feed.close()
+    return {name: round(figure, 2) for name, figure in figures.items()}
+
+
 def _until_seen(tracker: Any) -> None:
     ends_s = time.monotonic() + 10.0
     while time.monotonic() < ends_s:
@@ -358,6 +392,7 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=20, help="rendered trials of a twin")
     parser.add_argument("--occlusions", type=int, default=1000)
     parser.add_argument("--learn-trials", type=int, default=8)
+    parser.add_argument("--set-points", type=float, default=60.0, metavar="S", help="seconds of set-points, twice")
     arguments = parser.parse_args()
     trials = [trial(seed) for seed in range(arguments.trials)]
     figures: dict[str, Any] = {
@@ -366,6 +401,8 @@ def main() -> None:
         "lens_known_twice_the_blur_and_noise": precision(mock_view(), trials, Looks(blur_px=3.0, noise=0.04)),
         "full_picture_ms": full_frame_ms(),
     }
+    if arguments.set_points:
+        figures["set_points"] = set_points(arguments.set_points)
     if arguments.occlusions:
         figures["occlusion"] = occlusions(arguments.occlusions)
     if arguments.learn_trials:
