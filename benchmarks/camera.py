@@ -269,14 +269,15 @@ def set_points(duration_s: float) -> dict[str, float]:
 
 
 def _until_seen(tracker: Any) -> None:
-    ends_s = time.monotonic() + 10.0
-    while time.monotonic() < ends_s:
+    ends_s = time.monotonic() + 30.0
+    while True:
         try:
             tracker.pose()
             return
         except TrackingLost:
-            time.sleep(0.01)
-    raise TrackingLost("the robot is not found again")
+            if time.monotonic() > ends_s:
+                raise
+        time.sleep(0.01)
 
 
 def _watch(tracker: Any, ends_s: float) -> list[Pose | None]:
