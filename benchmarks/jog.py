@@ -26,7 +26,7 @@ _PROGRAM = (sys.executable, "-c", "import sys; from vvvaltr.controller.cli.main 
 _UP = b"\x1b[A"
 TAPS = 10
 GOALS_M = ((0.02, 0.0), (0.0, 0.02), (-0.02, 0.0), (0.0, -0.02), (0.015, 0.015))
-BUDGET_S = 60.0
+BUDGET_S = 200.0
 
 
 def learn_moves(folder: Path) -> Path:

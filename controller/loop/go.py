@@ -25,7 +25,7 @@ ORIGIN = "going"
 _LONGEST_S = 12.0  # of a primitive
 _PATIENCE = 3  # failed primitives in a row after which somebody has to look at the robot
 _USELESS_IN_A_ROW = 5  # plans, each with other hopes of what is not known
-_GAIN_M, _GAIN_RAD = 0.002, 0.02
+_GAIN = 0.1  # of the tolerance, by which a plan must bring the robot nearer
 _STUCK_M, _STUCK_RAD, _STUCK_S = 0.008, 0.15, 40.0
 
 
@@ -194,7 +194,8 @@ class Journey:
         x_m, y_m, yaw_rad = way.poses[-1]
         now = where(self._last)
         gained_m = float(goal.distance_m(now[0], now[1]) - goal.distance_m(x_m, y_m))
-        return gained_m > _GAIN_M or float(goal.turn_rad(now[2]) - goal.turn_rad(yaw_rad)) > _GAIN_RAD
+        gained_rad = float(goal.turn_rad(now[2]) - goal.turn_rad(yaw_rad))
+        return gained_m > _GAIN * goal.within_m or gained_rad > _GAIN * goal.within_rad
 
     def _step(self, goal: Goal, way: Plan) -> SteeringStep:
         """Return for the log why the first movement of a plan is driven."""

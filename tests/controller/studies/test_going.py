@@ -1,0 +1,72 @@
+"""What `go` refuses: goals that must not be reached, and repertoires by which no robot can be steered."""
+
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+
+import msgspec
+import pytest
+from gliding import GAITS, GlidingRobot, Velocity, tried
+
+from vvvaltr.controller.core.errors import NotUnderstood, UserError
+from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.values import Gait, Suggestion
+from vvvaltr.controller.loop.safety import Arena
+from vvvaltr.controller.robot.choice import RobotChoice
+from vvvaltr.controller.robot.opening import choose_robot, open_rig
+from vvvaltr.controller.studies.going import Errand, check_errand, usable_repertoire
+from vvvaltr.controller.studies.steering_run import SteeringRun, load_repertoire, steering_config
+
+SPATIAL, ROBOT = RobotChoice("spatial"), RobotChoice("robot.toml", file={})
+
+
+def run_of(path: Path, table: Mapping[Gait, Velocity]) -> Path:
+    """Return a run in which each gait of a table was tried twice."""
+    choice = choose_robot({"name": "planar"})
+    config = steering_config(choice, open_rig(choice, 0), "repertoire", 0, 10, 5.0)
+    with closing(SteeringRun.create(path, config, Run())) as run:
+        for trial in tried(GlidingRobot(dict(table)), 2):
+            run.record(LoggedTrial(Suggestion(trial.gait, "tried"), trial, None, None))
+    return path
+
+
+def test_a_goal_outside_the_arena_is_refused() -> None:
+    arena = Arena((-0.5, 0.5), (-0.3, 0.3))
+
+    check_errand(Errand(((0.4, 0.2, None),)), arena, ROBOT)
+    with pytest.raises(NotUnderstood, match=r"goal 0\.4 0\.4 is outside the arena"):
+        check_errand(Errand(((0.4, 0.2, None), (0.4, 0.4, None))), arena, ROBOT)
+
+
+def test_movements_that_do_not_turn_are_refused(tmp_path: Path) -> None:
+    run = run_of(tmp_path / "straight", {GAITS[0]: (0.02, 0.0, 0.005), GAITS[1]: (-0.02, 0.0, -0.004)})
+
+    with pytest.raises(UserError, match="no movement turns"):
+        usable_repertoire(SPATIAL, [run])
+
+
+def test_a_tracker_without_heading_is_told(tmp_path: Path) -> None:
+    run = run_of(tmp_path / "point", {GAITS[0]: (0.02, 0.0, 0.0), GAITS[1]: (0.0, 0.02, 0.0)})
+
+    with pytest.raises(UserError, match="no heading"):
+        usable_repertoire(SPATIAL, [run])
+
+
+def test_gaits_of_other_motors_make_no_repertoire_together(tmp_path: Path) -> None:
+    three = run_of(tmp_path / "three", {GAITS[0]: (0.02, 0.0, 0.2)})
+    two = run_of(tmp_path / "two", {Gait((5.0, 6.0)): (0.02, 0.0, 0.2)})
+
+    with pytest.raises(UserError, match="2 and 3 motors"):
+        load_repertoire([three, two])
+
+
+def test_a_run_that_another_one_began_with_counts_once(tmp_path: Path) -> None:
+    moves = run_of(tmp_path / "moves", {GAITS[0]: (0.02, 0.0, 0.2)})
+    choice = choose_robot({"name": "planar"})
+    config = steering_config(choice, open_rig(choice, 0), "go", 0, 1, 5.0)
+    config = msgspec.structs.replace(config, sources=(str(moves),))
+    SteeringRun.create(tmp_path / "went", config, Run(), load_repertoire([moves])).close()
+
+    both = load_repertoire([moves, tmp_path / "went"])
+
+    assert both.movements[0].trials == 2
