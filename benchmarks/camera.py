@@ -2,7 +2,7 @@
 
 Pictures are rendered: 1280 x 720, 65 degrees wide, from 1 m above the floor and askew by 3 degrees, of a tag of 40 mm
 at 60 mm height, with the lens' distortion, blur of 1.5 px, noise of 2 %, uneven light, and the motion blur of 4 ms.
-Times are those of the processor, for it is shared.
+Times are processor times, because the processor is shared.
 
 python -m benchmarks.camera --json
 """

@@ -300,7 +300,7 @@ class HeldMotors:
                 self._rest()
             elif late_s > _LATE_S:
                 raise DeviceTimeout(
-                    f"{self._line.name}: set-points were {late_s:.2f} s apart, for the computer is too busy; "
+                    f"{self._line.name}: set-points were {late_s:.2f} s apart: this computer is too busy; "
                     "end other programs"
                 )
             else:

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 import vvvaltr
+from vvvaltr.controller.robot.robot_file import robot_file_from
+from vvvaltr.drivers.trackers.registry import TRACKERS
 
 ROOT = Path(__file__).parent.parent
 FRONT_DOOR = {"entry", "library"}  # modules of vvvaltr, which is drawn as a whole
@@ -33,6 +35,15 @@ def test_every_decision_is_in_the_index() -> None:
     index = (folder / "README.md").read_text()
 
     assert [path.name for path in folder.glob("[0-9]*.md") if f"({path.name})" not in index] == []
+
+
+def test_the_robot_files_of_the_documents_are_understood_with_each_kind_of_tracker() -> None:
+    blocks = re.findall(r"```toml\n(.*?)```", (ROOT / "docs" / "hardware.md").read_text(), re.DOTALL)
+    example, *others = [tomllib.loads(block) for block in blocks if "[tracker]" in block]
+
+    robots = [robot_file_from({**example, **other}, "hardware.md") for other in [{}, *others]]
+
+    assert {type(robot.tracker) for robot in robots} == {TRACKERS.named(name).table for name in TRACKERS.built_in}
 
 
 def test_the_citation_names_the_version() -> None:

@@ -180,7 +180,7 @@ def lighten(body: Body, strut: int, factor: float) -> Body:
     """
     _check_index("strut", strut, len(body.struts))
     if not 0.2 <= factor <= 1.0:
-        raise ValueError(f"the factor is {factor:g}, allowed is 0.2 to 1")
+        raise ValueError(f"the factor is {factor:g}; allowed: 0.2 to 1")
     lighter = replace(body.struts[strut], mass_kg=factor * body.struts[strut].mass_kg)
     return replace(body, struts=(*body.struts[:strut], lighter, *body.struts[strut + 1 :]))
 

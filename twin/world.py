@@ -17,7 +17,7 @@ from vvvaltr.controller.core.streams import stream
 
 def _check_range(name: str, value: float, low: float, high: float) -> None:
     if not low <= value <= high:
-        raise ValueError(f"{name} is {value:g}, allowed is {low:g} to {high:g}")
+        raise ValueError(f"{name} is {value:g}; allowed: {low:g} to {high:g}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,7 @@ def open_robot(
 
     Args:
         name: ``planar`` or ``spatial`` for a twin, or the path of a real robot's file, ``robot.toml``.
-        seed: of all that scatters on a twin.
+        seed: seed of everything that scatters on a twin.
         body: of a twin: ``prism3`` or ``icosahedron6``; None for the twin's usual one.
         world: ground of a twin, written as on the command line: ``hills:height_m=0.006``; None for flat ground.
         gravity_m_s2: of a twin; None for 9.81.

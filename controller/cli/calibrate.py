@@ -39,7 +39,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
         help="time for each command, in s (default 3)",
     )
     parser.add_argument(
-        "--ask", action="store_true", help="ask you for each frequency, which you measure with a tachometer or the like"
+        "--ask", action="store_true", help="ask you for each frequency, measured with a stroboscope or a microphone"
     )
 
 
@@ -80,7 +80,7 @@ def _measure(robot_file: RobotFile, arguments: Namespace) -> list[Reading]:
 
 
 def _asked_hz() -> float:
-    """Ask on standard error, for the answer goes to standard output; ask again where the reply is not a frequency."""
+    """Ask on standard error, because the answer goes to standard output; ask again if the reply is not a frequency."""
     frequency = number(low=0.0, high=_GREATEST_HZ)
     complaint = ""  # on a line of its own, like the question: both stand below the progress bar
     for _ in range(_TIMES_ASKED):
@@ -110,7 +110,7 @@ def _keep(path: Path, robot_file: RobotFile) -> None:
     try:
         robot_file_from(json.loads(text) if path.suffix == ".json" else tomllib.loads(text), str(path))
     except UserError as error:
-        raise UserError(f"nothing was saved, the curve does not fit the file: {error}; measure again") from None
+        raise UserError(f"nothing was saved: the curve does not fit the file: {error}; measure again") from None
     write_whole(path.resolve(), text)
 
 

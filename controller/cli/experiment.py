@@ -43,7 +43,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
     group.add_argument("--duration", dest="duration_s", type=number(low=0.1), default=5.0, metavar="S",
                        help="time that the motors are driven in a trial, in s (default 5)")  # fmt: skip
     group.add_argument("--starts", type=whole(1), default=20, metavar="N",
-                       help="number of fresh starts behind each true speed (default 20)")  # fmt: skip
+                       help="number of fresh starts in the mean of a true speed (default 20)")  # fmt: skip
     group.add_argument("--trials", type=whole(1), default=0, metavar="N",
                        help="greatest number of trials (default 40, in experiment 2 50)")  # fmt: skip
     group = parser.add_argument_group("computers")

@@ -20,21 +20,27 @@ if TYPE_CHECKING:
 
 def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("x_m", nargs="?", type=number(), metavar="X", help="where to go, in m in the tracker's frame")
-    parser.add_argument("y_m", nargs="?", type=number(), metavar="Y", help="not for the planar twin")
-    parser.add_argument("--yaw", dest="yaw_rad", type=number(), metavar="RAD", help="heading to arrive with")
-    parser.add_argument("--path", type=Path, metavar="FILE.csv", help="way points instead: x, y and perhaps yaw a line")
+    parser.add_argument(
+        "y_m", nargs="?", type=number(), metavar="Y", help="the planar twin moves along x alone: leave Y out"
+    )
+    parser.add_argument("--yaw", dest="yaw_rad", type=number(), metavar="RAD", help="heading to arrive with, in rad")
+    parser.add_argument(
+        "--path", type=Path, metavar="FILE.csv", help="way points instead, x, y and perhaps yaw in each line"
+    )
     parser.add_argument("--within", dest="within_m", type=number(above=0), default=0.02, metavar="M",
-                        help="how near is near enough (default 0.02)")  # fmt: skip
+                        help="distance at which the goal is reached, in m (default 0.02)")  # fmt: skip
     parser.add_argument("--within-yaw", dest="within_rad", type=number(above=0), default=0.2, metavar="RAD",
-                        help="how near to the heading is near enough (default 0.2)")  # fmt: skip
+                        help="error of the heading that is accepted, in rad (default 0.2)")  # fmt: skip
     parser.add_argument("--time", dest="budget_s", type=number(above=0), default=200.0, metavar="S",
-                        help="driving time after which a goal is given up (default 200)")  # fmt: skip
+                        help="driving time after which a goal is given up, in s (default 200)")  # fmt: skip
     parser.add_argument("--repertoire", action="append", type=Path, metavar="RUN",
-                        help="a run from which movements are known; repeatable")  # fmt: skip
+                        help="run whose movements to use; repeatable")  # fmt: skip
     add_robot_arguments(parser)
     where = parser.add_argument_group("run").add_mutually_exclusive_group()
-    where.add_argument("--out", type=Path, metavar="DIR", help="a new directory for the run (default below runs/)")
-    where.add_argument("--resume", type=Path, metavar="DIR", help="go on with this run, from where the robot is")
+    where.add_argument("--out", type=Path, metavar="DIR", help="new directory for the run (default runs/DATE-go)")
+    where.add_argument(
+        "--resume", type=Path, metavar="DIR", help="continue the run in this directory, from where the robot is"
+    )
 
 
 def _execute(arguments: Namespace) -> Answer:

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--repertoire", action="append", type=Path, metavar="RUN",
-                        help="a run from which movements are known; repeatable")  # fmt: skip
+                        help="run whose movements to use; repeatable")  # fmt: skip
     add_robot_arguments(parser)
     group = parser.add_argument_group("run")
-    group.add_argument("--out", type=Path, metavar="DIR", help="a new directory for the run (default below runs/)")
+    group.add_argument("--out", type=Path, metavar="DIR", help="new directory for the run (default runs/DATE-jog)")
 
 
 def _execute(arguments: Namespace) -> Answer:

@@ -66,7 +66,7 @@ def _execute(arguments: Namespace) -> Answer:
 
 
 def _save(write: Callable[[Path], None], out: Path) -> None:
-    """Write the picture, in a spare place if ``out`` fails, for it took long to measure; UserError says where."""
+    """Write the picture, in a spare place if ``out`` fails, because it took long to measure; UserError says where."""
     try:
         write(out)
     except OSError as error:

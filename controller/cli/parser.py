@@ -26,7 +26,7 @@ class Parser(ArgumentParser):
 
     Args:
         example: a complete command line, shown below the help and where an argument is missing.
-        details: makes further sections of the help; called only when the help is shown, for it may import much.
+        details: makes further sections of the help; called only when the help is shown, because it may import much.
     """
 
     def __init__(self, *, example: str = "", details: Callable[[], Details] | None = None, **more: Any) -> None:

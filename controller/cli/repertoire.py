@@ -22,19 +22,25 @@ def _add_arguments(parser: ArgumentParser) -> None:
     add_robot_arguments(parser)
     group = parser.add_argument_group("movements")
     group.add_argument("--gaits", dest="trials", type=whole(1), metavar="N",
-                       help="valid trials to make: new gaits, and repeats of good ones (default 40)")  # fmt: skip
+                       help="number of valid trials, of new gaits and repeats of good ones (default 40)")  # fmt: skip
     group.add_argument(
-        "--duration", dest="duration_s", metavar="S", type=trial_duration, help="of each trial (default 5)"
+        "--duration",
+        dest="duration_s",
+        metavar="S",
+        type=trial_duration,
+        help="time that the motors are driven in a trial, in s (default 5)",
     )
     group.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
                        help="frequencies to try in Hz; positive ones are tried in both senses of rotation")  # fmt: skip
     group.add_argument("--from", dest="sources", action="append", type=Path, metavar="RUN",
-                       help="put together what this run has logged instead of driving; repeatable")  # fmt: skip
+                       help="take the movements from this run instead of driving; repeatable")  # fmt: skip
     group.add_argument("--picture", type=Path, metavar="FILE",
                        help="also draw where each movement leads, as .png, .pdf or .svg")  # fmt: skip
     where = parser.add_argument_group("run").add_mutually_exclusive_group()
-    where.add_argument("--out", type=Path, metavar="DIR", help="a new directory for the run (default below runs/)")
-    where.add_argument("--resume", type=Path, metavar="DIR", help="go on with this run, as it would have gone on")
+    where.add_argument(
+        "--out", type=Path, metavar="DIR", help="new directory for the run (default runs/DATE-repertoire)"
+    )
+    where.add_argument("--resume", type=Path, metavar="DIR", help="continue the run in this directory")
 
 
 def _execute(arguments: Namespace) -> Answer:

@@ -43,7 +43,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--repeats", type=whole(1), default=1, metavar="N", help="number of trials (default 1)")
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="a new directory for the trials, as a run to view or to learn from"
+        "--out", type=Path, metavar="DIR", help="new directory for the trials, as a run to view or to learn from"
     )
     add_robot_arguments(parser)
     add_trial_arguments(parser)

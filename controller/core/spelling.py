@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 def did_you_mean(word: str, known: Iterable[object]) -> str:
     """Return ``" (did you mean planar?)"`` for the known name most like ``word``; empty where none is like it."""
-    from difflib import get_close_matches  # here, for it is only needed by those who mistype
+    from difflib import get_close_matches  # here, because only a misspelt word needs it
 
     by_letters = {str(name).lstrip("-").lower(): str(name) for name in known}
     close = get_close_matches(word.lstrip("-").lower(), by_letters, n=1)

@@ -143,7 +143,7 @@ def make_arena_guard(arena: Arena) -> Guard:
             if not low <= value <= high:
                 where = f"left the arena: {axis} = {value:.3f} m is outside {low:g} to {high:g} m"
                 if pose.t_s < _SOON_S:
-                    raise SafetyStop(Outcome.FAULTED, f"{where} after {pose.t_s:.2f} s; put it in the middle")
+                    raise SafetyStop(Outcome.FAULTED, f"{where} after {pose.t_s:.2f} s; put the robot in the middle")
                 raise SafetyStop(Outcome.CUT_SHORT, where)
 
     return check

@@ -225,7 +225,9 @@ class _Watch:
     def _check_held(self) -> None:
         """Raise DeviceTimeout if the last command has run out: the motors stood still in the middle of the trial."""
         if self.commands and (late_s := self.elapsed_s() - self.commands[-1].t_s) > self.commands[-1].hold_s:
-            raise DeviceTimeout(f"no command for {late_s:.2f} s, so the motors stopped; is the computer too busy?")
+            raise DeviceTimeout(
+                f"no command for {late_s:.2f} s, so the motors stopped: end other programs on this computer"
+            )
 
     def _look_at_pose(self) -> None:
         pose = self._plausible_pose()
@@ -254,7 +256,7 @@ class _Watch:
         pose = replace(pose, t_s=self._since_begin(pose.t_s)) if math.isfinite(pose.t_s) else pose
         if self._filter is None:
             if not pose.is_finite:
-                raise TrackingLost("the tracker reports a pose that is not a number")
+                raise TrackingLost("the tracker reports a pose that is not a number; check its set-up")
             return pose
         turns = self._is_driving and bool(self.states) and any(map(abs, self.states[-1].frequency_hz))
         return pose if self._filter.accepts(pose, turns) else None

@@ -21,7 +21,7 @@ from vvvaltr.controller.robot.choice import RobotChoice, option
 
 CONFIG_NAME = "run.toml"
 FORMAT = 2
-"""Of `run.toml`. Format 1, of version 0.1, counts springs, struts and motors from 0; this one counts them from 1."""
+"""Format of `run.toml`. Format 1, of version 0.1, counts springs, struts and motors from 0; this one from 1."""
 
 _BOUNDS = {"seed": (0, math.inf), "trials": (1, math.inf), "duration_s": (0.1, 3600), "stop_below_m_s": (0, math.inf)}
 
@@ -74,7 +74,7 @@ def check_config(config: RunConfig, spell: Callable[[str], str] = str) -> None:
     if wrong := set(config.optimise) - set(Quantity):
         raise ValueError(f"{spell('optimise')}: {min(wrong)!r} is unknown; allowed: {', '.join(Quantity)}")
     if Quantity.FREQUENCY not in config.optimise or len(set(config.optimise)) < len(config.optimise):
-        raise ValueError(f"{spell('optimise')}: frequency must be among what is searched, and each quantity named once")
+        raise ValueError(f"{spell('optimise')}: name frequency, and each quantity once")
     if config.heading_limit_rad is not None and not config.heading_limit_rad > 0.0:
         raise ValueError(f"{spell('heading_limit_rad')} is {config.heading_limit_rad:g}; allowed: above 0, or inf")
     if min(config.confirm) < 0:
@@ -148,7 +148,8 @@ def refuse_difference(config: RunConfig, asked: Mapping[str, Any]) -> None:
         if has != value:
             had, wished = _as_typed(key, has), _as_typed(key, value)
             raise UserError(
-                f"{option(key)}: the run has {had}, but {wished} was asked for; drop it, or start a new run (--out)"
+                f"{option(key)}: the run has {had}, but {wished} was asked for; "
+                "leave it out, or start a new run (--out)"
             )
 
 

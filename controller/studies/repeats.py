@@ -59,7 +59,7 @@ def repeat_trial(
 
 def mean_with_interval(scores: Sequence[float]) -> Estimate | None:
     """Return the mean of two scores or more with its 95 % interval (Student's t); None for fewer."""
-    from scipy.special import stdtrit  # here, for it takes longer to import than most trials need
+    from scipy.special import stdtrit  # here, because its import takes longer than most trials
 
     if len(scores) < 2:
         return None

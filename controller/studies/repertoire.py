@@ -78,7 +78,7 @@ class RepertoireRun:
     def resume(cls, path: Path, trials: int | None) -> RepertoireRun:
         """Go on with a run, perhaps to more trials. Raises UserError or DeviceError as ``create`` does."""
         if load_config(path).method == METHOD and (path / SOURCE_NAME).exists():
-            raise UserError(f"{path} was put together from other runs: nothing of it is left to be tried")
+            raise UserError(f"{path} was put together from other runs and cannot be resumed: leave out --resume")
         run = SteeringRun.resume(path, METHOD)
         try:
             if trials is not None:
@@ -137,7 +137,7 @@ def put_together(paths: Sequence[Path], out: Path) -> Repertoire:
     The trials are copied, run by run; what a run of ``go`` began with is kept beside them.
 
     Raises:
-        UserError: one of them is no run, or none has a valid trial with poses, or ``out`` exists.
+        UserError: one of them is not a run, or none has a valid trial with poses, or ``out`` exists.
     """
     repertoire = load_repertoire(paths)
     configs = [load_config(path) for path in paths if (path / "run.toml").exists()]

@@ -167,7 +167,7 @@ def load_repertoire(paths: Sequence[Path]) -> Repertoire:
     """Return what the runs in ``paths`` tell of movements: what each began with, and its own trials, each counted once.
 
     Raises:
-        UserError: one of them is no run, or none has a valid trial with poses.
+        UserError: one of them is not a run, or none has a valid trial with poses.
     """
     plain, began = sorted_runs(paths)
     repertoire = load_sources(began)

@@ -228,7 +228,7 @@ class Scene:
         send_chart(self._canvas, axes, self._trials, self._ends, len(placed))
 
     def _send_faults(self, placed: Sequence[_Placed]) -> None:
-        """Mark where a trial ended for want of a measurement, above the curves of the motors."""
+        """Mark where a trial ended without a measurement, above the curves of the motors."""
         import rerun as rr
 
         failed = [it for it in placed if not it.trial.outcome.is_valid]

@@ -55,7 +55,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Uncorrected:
-    """In place of a curve, for a device whose commands are frequencies."""
+    """Stands in for a curve, for a device whose commands are frequencies."""
 
     def command(self, frequency_hz: float) -> float:
         """Return ``frequency_hz``."""

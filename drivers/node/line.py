@@ -71,7 +71,7 @@ def open_node(link: Link, motors: Sequence[NodeMotorTable]) -> NodeLine:
 def _check_motors(name: str, welcome: Welcome, motors: Sequence[NodeMotorTable]) -> None:
     if welcome.motor_count != len(motors):
         raise DeviceFault(
-            "motors", f"{name}: the node has {welcome.motor_count} motors, the robot's file {len(motors)}"
+            "motors", f"{name}: the node has {welcome.motor_count} motors, the robot's file has {len(motors)}"
         )
     for number, motor in enumerate(motors, start=1):
         if motor.max_command > welcome.max_hz + 1e-9:

@@ -141,7 +141,9 @@ class QikLine:
             # Judged by what had arrived before the line was read: this thread itself may have been held up since.
             elif self._asked is not None and now_s - self._asked[1] > _ANSWER_S:
                 board, self._asked = self._asked[0], None
-                raise DeviceTimeout(f"{self.name}: board {board} did not answer within {_ANSWER_S:g} s")
+                raise DeviceTimeout(
+                    f"{self.name}: board {board} did not answer within {_ANSWER_S:g} s; check its wiring"
+                )
             if now_s >= until_s:
                 return
 
@@ -187,7 +189,9 @@ class QikLine:
                 "device id"
             ) from None
         if version not in b"12":
-            raise DeviceFault("firmware", f"{self.name}: board {board} answers {version:#04x}, not as a qik 2s9v1")
+            raise DeviceFault(
+                "firmware", f"{self.name}: board {board} answers {version:#04x}, which is not a qik 2s9v1; correct port"
+            )
 
     def _configure(self, board: int, parameter: Parameter, value: int) -> None:
         # The permanent memory wears out, so it is written only where a value has to change.

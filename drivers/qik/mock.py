@@ -57,7 +57,7 @@ class QikBoard:
     def take(self, byte: int, now_s: float) -> None:
         """Receive one byte."""
         if not self._knows_baud:
-            # The byte that tells the baud rate may begin a packet already; if not, that is no error.
+            # The byte that tells the baud rate may begin a packet already; if not, that is not an error.
             self._knows_baud = self._is_first = byte == START
             self._packet = bytearray((START,)) if self._knows_baud else bytearray()
             return

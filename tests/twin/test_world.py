@@ -23,8 +23,8 @@ def test_a_world_is_read_as_the_command_line_writes_it():
         ("hills:tall=1", "unknown setting of hills 'tall'; choose one of height_m, wavelength_m, seed"),
         ("hills:seed=a", "seed is 'a', which is not a whole number"),
         ("hills:height_m=a", "height_m is 'a', which is not a number"),
-        ("hills:height_m=9", "height_m is 9, allowed is 0 to 0.1"),
-        ("slope:angle_rad=nan", "angle_rad is nan, allowed is -0.5 to 0.5"),
+        ("hills:height_m=9", "height_m is 9; allowed: 0 to 0.1"),
+        ("slope:angle_rad=nan", "angle_rad is nan; allowed: -0.5 to 0.5"),
         ("slope:angle_rad", "angle_rad is '', which is not a number"),
     ],
 )
@@ -45,7 +45,7 @@ def test_any_text_is_a_world_or_is_refused_in_one_line(text):
 
 
 def test_gravity_and_friction_must_be_possible():
-    with pytest.raises(ValueError, match="friction is -1, allowed is 0 to 10"):
+    with pytest.raises(ValueError, match="friction is -1; allowed: 0 to 10"):
         parse_world("flat", friction=-1.0)
     with pytest.raises(ValueError, match="gravity_m_s2 is nan"):
         parse_world("flat", gravity_m_s2=float("nan"))

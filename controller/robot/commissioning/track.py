@@ -92,7 +92,7 @@ def look(tracker: Tracker, duration_s: float) -> Iterator[Look]:
 def sight(looks: Sequence[Look], tracker: Tracker) -> Sight:
     """Return what the ``looks`` at a tracker tell. Raises ValueError if there are none."""
     if not looks:
-        raise ValueError("nobody looked at the tracker")
+        raise ValueError("the tracker has not been read: sample it first")
     first = next((number for number, seen in enumerate(looks) if seen.pose is not None), 0)
     looks = looks[first:]  # a tracker that has just been opened has no pose yet
     first_seen = {(taken := seen.pose).t_s: (seen.at_s, taken) for seen in reversed(looks) if seen.pose is not None}

@@ -48,7 +48,7 @@ def encode(payload: bytes) -> bytes:
 
 
 def _unstuff(frame: bytearray, length: int) -> int:
-    """Undo COBS in place; return the length of the result, or -1 if ``frame`` (under 255 bytes) is no COBS."""
+    """Undo COBS in place; return the length of the result, or -1 if ``frame`` (under 255 bytes) is not COBS."""
     read = write = 0
     while read < length:
         code = frame[read]

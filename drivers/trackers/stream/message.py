@@ -145,7 +145,7 @@ def _plain(datagram: bytes) -> Mapping[str, Any]:
     except msgspec.DecodeError:
         content = json.loads(datagram)  # it understands NaN, which JSON does not know, but many programs write
     if not isinstance(content, dict):
-        raise ValueError("it is no JSON object")
+        raise ValueError("it is not a JSON object")
     return content
 
 

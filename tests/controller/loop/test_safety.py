@@ -86,7 +86,7 @@ def test_leaving_the_arena_cuts_the_trial_short() -> None:
 def test_leaving_the_arena_at_once_measures_nothing() -> None:
     check = make_arena_guard(Arena((-0.5, 0.5), (-0.2, 0.2)))
 
-    with pytest.raises(SafetyStop, match="put it in the middle") as stop:
+    with pytest.raises(SafetyStop, match="put the robot in the middle") as stop:
         check(Pose(0.05, (0.51, 0.0, 0.0)))
 
     assert stop.value.outcome is Outcome.FAULTED

@@ -110,7 +110,7 @@ def test_an_empty_run_file_is_to_be_restored(made: Path, tmp_path: Path, capsys:
 def test_a_difference_is_named_by_the_option_that_was_typed(
     made: Path, more: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert refusal(["learn", "--resume", str(made), *more], capsys).startswith(f"vvvaltr: {said}; drop it, or")
+    assert refusal(["learn", "--resume", str(made), *more], capsys).startswith(f"vvvaltr: {said}; leave it out, or")
 
 
 @pytest.mark.parametrize(
