@@ -16,6 +16,8 @@ from vvvaltr.controller.loop.observing import Followers
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 
+_CONFIDENCE = 0.95  # at which the confirmation ends early
+
 _FAILURES_IN_A_ROW = 3  # after which the operator must look at the robot
 
 
@@ -26,7 +28,8 @@ class Budget:
     Args:
         trials: number of valid trials, confirmation included.
         score_name: name of the score.
-        confirm: number of promising gaits to repeat at the end, and number of repeats of each.
+        confirm: number of promising gaits to repeat at the end, and greatest number of repeats of each: they are driven
+            in turns, and no more once one of them is better than the others with a confidence of 95 %.
         stop_below: the search ends early when the next trial is expected to gain less than this, in the score's unit.
 
     Raises:
@@ -124,7 +127,7 @@ class _Plan:
         self._optimizer = optimizer
         self._budget = budget
         self._searched = 0
-        self._confirmed = 0
+        self._confirmed: list[float] = []
         self._finalists: tuple[Gait, ...] | None = None
 
     def remember(self, history: Sequence[LoggedTrial]) -> None:
@@ -137,16 +140,16 @@ class _Plan:
             tell_history(self._optimizer, history, already=searched)
         for logged in history:
             if logged.score is not None:
-                self._count(logged.suggestion)
+                self._count(logged.suggestion, logged.score)
 
     def next(self) -> Suggestion | None:
         """Return the next suggestion; None at the end of the run."""
         if self._finalists is None and not self._is_search_over():
             return self._optimizer.ask()
         finalists = self._begin_confirmation()
-        if self._confirmed == len(finalists) * self._budget.confirm[1]:
+        if len(self._confirmed) == len(finalists) * self._budget.confirm[1] or self._is_decided(len(finalists)):
             return None
-        gait = finalists[self._confirmed % len(finalists)]
+        gait = finalists[len(self._confirmed) % len(finalists)]
         return Suggestion(gait, "confirmation", self._optimizer.predict([gait])[0], phase=Phase.CONFIRMATION)
 
     def judge(self, suggestion: Suggestion, trial: Trial) -> LoggedTrial:
@@ -155,7 +158,7 @@ class _Plan:
             return complete_record(suggestion, trial)
         speed_m_s = score(trial, self._budget.score_name)
         self._optimizer.tell(trial.gait, speed_m_s)
-        self._count(suggestion)
+        self._count(suggestion, speed_m_s)
         return complete_record(suggestion, trial, speed_m_s, self._recommend(), last_fit(self._optimizer))
 
     def _is_search_over(self) -> bool:
@@ -170,9 +173,20 @@ class _Plan:
             self._finalists = self._optimizer.promising(self._budget.confirm[0]) if self._budget.confirm[0] else ()
         return self._finalists
 
-    def _count(self, suggestion: Suggestion) -> None:
+    def _is_decided(self, finalists: int) -> bool:
+        """Return whether the confirmation has found one gait better than the others, after a whole round."""
+        rounds, started = divmod(len(self._confirmed), finalists)
+        if started or rounds < 2:
+            return False
+        from vvvaltr.transfer.causes.evidence import find_best
+
+        table = [self._confirmed[index * finalists : (index + 1) * finalists] for index in range(rounds)]
+        return find_best(table, _CONFIDENCE) is not None
+
+    def _count(self, suggestion: Suggestion, speed_m_s: float) -> None:
         self._searched += suggestion.phase is Phase.SEARCH
-        self._confirmed += suggestion.phase is Phase.CONFIRMATION
+        if suggestion.phase is Phase.CONFIRMATION:
+            self._confirmed.append(speed_m_s)
 
     def _recommend(self) -> Recommendation | None:
         if not self._finalists:
