@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _FLOOR_MM = 60.0
 _LOOK_S = 5.0  # for the robot
+_LIVE_PORT = 9877
 _VIEWS_S = 180.0  # to show the board from all sides
 
 
@@ -46,7 +47,9 @@ def _add_arguments(parser: ArgumentParser) -> None:
     views = parser.add_argument_group("calibrate")
     views.add_argument("--views", type=whole(6), default=15, metavar="N", help="different views of the board (15)")
     showing = parser.add_argument_group("show")
-    showing.add_argument("--live", action="store_true", help="show it in Rerun until interrupted")
+    showing.add_argument(
+        "--live", action="store_true", help="show it in Rerun, until interrupted, and write the last picture"
+    )
 
 
 def _execute(arguments: Namespace) -> Answer:
@@ -131,7 +134,7 @@ def _show(arguments: Namespace, robot: RobotFile, table: CameraTable) -> Answer:
     with closing(open_source(table.source, table.wanted, in_real_time=False)) as source:
         looks = _Looks(robot, table, source)
         if arguments.live:
-            _show_live(looks)
+            _show_live(arguments, looks)
         look = looks.first()
         path = (arguments.out or Path("camera")).with_suffix(".png")
         _write_png(path, look.picture)
@@ -233,7 +236,7 @@ class _Looks:
         return data
 
 
-def _show_live(looks: _Looks) -> None:
+def _show_live(arguments: Namespace, looks: _Looks) -> None:
     from vvvaltr.controller.cli.rerun_extra import require_rerun
 
     require_rerun()
@@ -241,7 +244,8 @@ def _show_live(looks: _Looks) -> None:
     import rerun as rr
 
     with rr.RecordingStream("vvvaltr camera") as recording:
-        recording.spawn()
+        recording.set_sinks(rr.GrpcServerSink(bind_ip="127.0.0.1", port=_LIVE_PORT, server_memory_limit="100MB"))
+        say(arguments, f"rerun rerun+http://127.0.0.1:{_LIVE_PORT}/proxy shows it; Ctrl-C ends")
         try:
             for look in looks:
                 jpeg = cv2.imencode(".jpg", look.picture)[1].tobytes()

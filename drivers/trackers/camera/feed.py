@@ -24,6 +24,7 @@ import numpy as np
 
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.values import Pose, Vector
+from vvvaltr.drivers.mocking.plugged import be_prompt
 from vvvaltr.drivers.trackers.camera.frames import FrameWriter
 from vvvaltr.drivers.trackers.camera.lens import Array, Lens
 from vvvaltr.drivers.trackers.camera.pictures import Painter
@@ -168,6 +169,7 @@ def main() -> None:
     import cv2
 
     cv2.setNumThreads(1)
+    be_prompt()  # no camera waits for the computer that it is plugged into
     threading.Thread(target=_end_with_input, daemon=True).start()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as inbox, closing(_writer(Path(sys.argv[1]))) as writer:
         inbox.bind((LOOPBACK, 0))
