@@ -7,6 +7,8 @@ of a goal is that of the robot's clock, pauses included. The repertoire is learn
 in 40 trials of 5 s. *cold*: every goal begins with it. *carried*: what was learned on the way to one goal is kept for
 the next.
 
+The twin scatters as a careful laboratory does, in "hurried" as a hurried one.
+
 Baselines with the same seeds: the repertoire as it was learned (fixed), its fastest gait alone, its straightest and its
 best turning movement alone (two), and a planner that knows each movement by four trials where it goes (truth).
 
@@ -27,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.protocols import Robot
-    from vvvaltr.controller.core.values import Gait, MotorState, Quantity, Trial
+    from vvvaltr.controller.core.values import Gait, Trial
     from vvvaltr.controller.loop.steersman import Steersman
     from vvvaltr.transfer.steering.repertoire import Repertoire
 
@@ -85,65 +87,15 @@ def cases(goals: int) -> Iterator[Case]:
 def make_robot(case: Case) -> Robot:
     """Return the robot of a case."""
     from vvvaltr.twin.presets import spatial_robot
+    from vvvaltr.twin.scatter import CAREFUL, HURRIED
     from vvvaltr.twin.world import parse_world
 
     damage = DAMAGE[case.body] if case.world == "damaged" else ()
-    twin = spatial_robot(case.body, parse_world(WORLDS[case.world]), damage, seed=SEED + 100)
+    # Put back before each goal, and nowhere else.
+    scatter = HURRIED.put_back() if case.world == "hurried" else CAREFUL
+    twin = spatial_robot(case.body, parse_world(WORLDS[case.world]), damage, seed=SEED + 100, scatter=scatter)
     setattr(twin.engine, "forces", lambda: None)  # noqa: B010  nobody looks at them here
-    return Hurried(twin) if case.world == "hurried" else twin
-
-
-class Hurried:
-    """A robot of which, in one trial of ten, a motor does not turn."""
-
-    def __init__(self, robot: Any) -> None:
-        self._robot = robot
-        self.motors = SomeMotors(robot.motors)
-        self.tracker, self.clock, self.structure = robot.tracker, robot.clock, robot.structure
-
-    def place(self, trial: int) -> None:
-        """Put the robot down again."""
-        self._robot.place(trial)
-
-    def carry_on(self, trial: int) -> None:
-        """Begin a trial, perhaps a bad one."""
-        from vvvaltr.controller.core.streams import stream
-
-        self._robot.carry_on(trial)
-        random = stream(SEED, trial, "standing motor")
-        self.motors.standing = int(random.integers(3)) if random.random() < 0.1 else -1
-
-    def close(self) -> None:
-        """Stop the motors."""
-        self._robot.close()
-
-
-class SomeMotors:
-    """Motors of which one may stand, whatever it is told."""
-
-    def __init__(self, motors: Any) -> None:
-        self._motors = motors
-        self.motor_count: int = motors.motor_count
-        self.quantities: frozenset[Quantity] = motors.quantities
-        self.standing = -1
-
-    def drive(self, gait: Gait, hold_s: float) -> None:
-        """Drive those that turn."""
-        hz = tuple(0.0 if motor == self.standing else value for motor, value in enumerate(gait.frequency_hz))
-        self._motors.drive(replace(gait, frequency_hz=hz), hold_s)
-
-    def state(self) -> MotorState:
-        """Return what turns."""
-        state: MotorState = self._motors.state()
-        return state
-
-    def stop(self) -> None:
-        """Stop all."""
-        self._motors.stop()
-
-    def close(self) -> None:
-        """Stop all."""
-        self._motors.close()
+    return twin
 
 
 @cache
