@@ -21,7 +21,7 @@ from vvvaltr.transfer.steering.repertoire import Repertoire
 
 Array = NDArray[np.float64]
 
-_FIRST_LOOK_S = 1.2  # into a primitive, before which its own velocity is not known
+_FIRST_LOOK_S = 1.8  # into a primitive, before which its own velocity is not known
 _BETWEEN_S = 0.4
 _DARING = 0.5  # share of what is not known that a plan may hope for
 _NEAR = 0.85  # of the tolerance, within which a primitive ends: the robot rolls on a little

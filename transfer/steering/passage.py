@@ -14,7 +14,7 @@ from vvvaltr.controller.core.values import Pose
 
 Array = NDArray[np.float64]
 
-STEADY_S = 0.75  # until then motors speed up and the robot shakes itself into its walk
+STEADY_S = 1.2  # until then motors speed up and the robot shakes itself into its walk
 _PIECE_S = 1.0
 _LEAST_S = 0.4  # of a path that says anything
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vvvaltr.controller.core.values import Gait, Trial
 from vvvaltr.transfer.steering.belief import Belief
-from vvvaltr.transfer.steering.passage import Passage, passage, start_delay_s
+from vvvaltr.transfer.steering.passage import STEADY_S, Passage, passage, start_delay_s
 
 Array = NDArray[np.float64]
 
@@ -125,7 +125,7 @@ def learn_repertoire(runs: Iterable[Sequence[Trial]], base: Repertoire = Reperto
     delays = [delay for run in driven for _, _, delay in run if delay is not None]
     delay_s = float(np.median([*delays, base.delay_s])) if delays else base.delay_s
     x_m_s, y_m_s = belief.drift_m_s.tolist()
-    return Repertoire(movements, (x_m_s, y_m_s), min(max(delay_s, 0.0), 0.5))
+    return Repertoire(movements, (x_m_s, y_m_s), min(max(delay_s, 0.0), STEADY_S))
 
 
 def _fused(one: LearnedMovement, other: LearnedMovement) -> LearnedMovement:

@@ -106,7 +106,7 @@ def test_what_go_learned_is_a_repertoire_too(moves: Path, tmp_path: Path, capsys
 
 def is_seen(logged: LoggedTrial) -> bool:
     """Whether a primitive was driven for long enough to say something."""
-    return logged.trial.outcome.is_valid and logged.trial.duration_s >= 0.9
+    return logged.trial.outcome.is_valid and logged.trial.duration_s >= 1.7
 
 
 def test_way_points_are_passed(moves: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
