@@ -27,7 +27,10 @@ SMALLER = {"--trials": lambda n: str(max(2, int(n) // 10)), "--repeats": lambda 
            "--gaits": lambda n: "12", "--confirm": lambda n: "1x1"}
 SHORTER = {"learn": ["--no-recording"],
            "experiment": ["--trials", "3", "--starts", "1", "--duration", "1"],
-           "calibrate": ["--points", "2", "--seconds", "1"]}
+           "calibrate": ["--points", "2", "--seconds", "1"],
+           "landscape": ["--repeats", "1", "--jobs", "1", "--duration", "1"],
+           "repertoire": ["--duration", "2"],
+           "go": ["--within", "0.15"]}
 LIBRARIES = {"rerun": "rerun", "matplotlib": "report", "mujoco": "spatial", "cv2": "camera", "distributed": "cluster"}
 
 
