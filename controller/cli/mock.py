@@ -116,6 +116,7 @@ class _Status:
                 "applied_hz": [round(hz, 6) for hz in self._plugged.applied_hz],
                 "watchdog": self._plugged.watchdog,
                 "faults": list(self._plugged.faults),
+                "place_m": self._plugged.place_m,
             }
         )
 

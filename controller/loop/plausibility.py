@@ -18,7 +18,12 @@ _LARGEST_SHARE = 0.4
 _FEWEST_DROPPED = 4  # one outlier among few poses is still one outlier
 _FEWEST_FROZEN = 5  # poses with new time stamps and the same numbers, to the last digit
 _FAR_M, _HIGH_M = 50.0, 5.0  # from the origin of the tracker's frame, and above its floor
+_CM_HIGH_M = 20.0  # what is higher is more likely millimetres
 _FULL_TURN_RAD = 6.5  # 2 pi and a little: no heading, pitch or roll is written with more
+_STEEP_RAD = 1.0  # of pitch: the yaw of a robot that stands on end may be any
+_TURN_RAD, _TURN_RAD_S = 0.5, 4.0  # from one pose to the next, and over a gap; the twins reach 0.2 and 1.3
+_YAW_SCATTER_RAD = 0.08  # at rest, as a standard deviation: no tracker is as bad
+_LARGEST_SHARE_AT_REST = 0.25
 _BODY_LENGTH_M = 0.15  # of the published robots
 _LENGTHS_PER_TURN = 0.1  # ten times what the fastest known gait does
 _MAD_TO_SD = 1.4826
@@ -53,7 +58,10 @@ def plausible_speed_m_s(max_hz: float) -> float:
 
 
 class PoseFilter:
-    """Lets the plausible poses of one trial through, counts the others, and ends the trial where they persist."""
+    """Lets the plausible poses of one trial through, counts the others, and ends the trial where they persist.
+
+    Before the drive ``rest`` or the first pose tells where the robot is; after it ``rest_after`` does.
+    """
 
     def __init__(self, limits: Plausibility) -> None:
         self._limits = limits
@@ -62,7 +70,36 @@ class PoseFilter:
         self._seen: deque[tuple[float, bool]] = deque()
         self._frozen_since_s = math.nan
         self._frozen = 0
+        self._has_frozen = False  # while motors turned, and ever since
         self.dropped = 0
+
+    def rest(self, poses: Sequence[Pose]) -> RestingPose:
+        """Return where the robot lies before the drive: an average that outliers have no say in.
+
+        Raises:
+            TrackingLost: the poses are not plausible, or do not agree.
+        """
+        problems = [self._problem(pose) or _origin_problem(pose, poses) for pose in poses]
+        possible = [pose for pose, problem in zip(poses, problems, strict=True) if not problem]
+        if not possible:
+            raise TrackingLost(f"no pose of the robot at rest is plausible: {problems[-1]}")
+        middle_m = average_at_rest(possible).position_m
+        near = [pose for pose in possible if math.dist(pose.position_m, middle_m) <= self._limits.shake_m]
+        dropped = len(poses) - len(near)
+        self.dropped += dropped
+        if not near or dropped > max(1.0, _LARGEST_SHARE_AT_REST * len(poses)):
+            farthest_m = max(math.dist(pose.position_m, middle_m) for pose in possible)
+            problem = next(filter(None, problems), f"they are up to {farthest_m:.3g} m apart; {_TWO_BODIES}")
+            raise TrackingLost(f"{dropped} of {len(poses)} poses of the robot at rest are implausible: {problem}")
+        _check_yaws(near)
+        return average_at_rest(near)
+
+    def rest_after(self, poses: Sequence[Pose], driven: Sequence[Pose]) -> RestingPose:
+        """Return where the robot lies after the drive. Raises TrackingLost if the tracker has hung since before."""
+        fresh = [pose for pose in poses if not driven or _numbers(pose) != _numbers(driven[-1])]
+        if not fresh and self._has_frozen:
+            raise TrackingLost(f"the tracker has repeated one position to the last digit since the drive: {_UNSEEN}")
+        return average_at_rest(fresh or poses)
 
     def begin_at(self, rest: RestingPose, t_s: float) -> None:
         """Take ``rest`` as the place where the robot lies at ``t_s``, before the drive."""
@@ -88,40 +125,53 @@ class PoseFilter:
         """Return whether nothing in ``pose`` is new. Raises TrackingLost when its time alone is, for too long."""
         last = self._last
         if last is None or _numbers(pose) != _numbers(last):
-            self._frozen, self._frozen_since_s = 0, pose.t_s
+            self._frozen, self._frozen_since_s, self._has_frozen = 0, pose.t_s, False
             return False
         if pose.t_s == last.t_s:
             return True  # read twice
         self._frozen += 1
+        self._has_frozen = self._has_frozen or motors_turn
         if not motors_turn:
             self._frozen, self._frozen_since_s = 0, pose.t_s
         frozen_s = pose.t_s - self._frozen_since_s
         if self._frozen >= _FEWEST_FROZEN and frozen_s > self._limits.frozen_s:
             raise TrackingLost(
-                f"the tracker has repeated one position to the last digit for {frozen_s:.2f} s while motors turn: it "
-                "does not see the robot any more; show it the robot"
+                f"the tracker has repeated one position to the last digit for {frozen_s:.2f} s while motors turn: "
+                f"{_UNSEEN}"
             )
         return False
 
     def _problem(self, pose: Pose) -> str:
         """Return why ``pose`` cannot be the robot's; empty if it can."""
+        problem = _absolute_problem(pose)
+        if problem:
+            return problem
         limits, last = self._limits, self._last
-        if not pose.is_finite:
-            return "the pose is not a number"
-        if max(map(abs, pose.position_m)) > _FAR_M or abs(pose.position_m[2]) > _HIGH_M:
-            x_m, y_m, z_m = pose.position_m
-            where = f"the position ({x_m:.3g}, {y_m:.3g}, {z_m:.3g}) m"
-            return f'{where} is outside any laboratory; if it is millimetres, set unit = "mm"'
-        for name, angle_rad in (("yaw", pose.yaw_rad), ("pitch", pose.pitch_rad), ("roll", pose.roll_rad)):
-            if abs(angle_rad) > _FULL_TURN_RAD:
-                return f'{name} is {angle_rad:.1f} rad, more than a full turn; if it is degrees, set yaw_unit = "deg"'
         if self._start_z_m is not None and abs(lift_m := pose.position_m[2] - self._start_z_m) > limits.max_lift_m:
-            return f"the robot's centre is {lift_m:+.2f} m from its height at the start"
-        if last is not None:
-            gap_s = max(0.0, pose.t_s - last.t_s)
-            moved_m = math.dist(pose.position_m[:2], last.position_m[:2])
-            if moved_m > (allowed_m := limits.shake_m + limits.max_speed_m_s * gap_s):
-                return f"the position jumped by {moved_m:.3g} m in {gap_s:.2f} s, where {allowed_m:.2g} m is plausible"
+            return (
+                f"the robot's centre is {lift_m:+.2f} m from its height at the start; put it on the ground, or set "
+                'up = "y" if that axis points up'
+            )
+        return "" if last is None else _origin_problem(pose, (last,)) or self._jump_problem(pose, last)
+
+    def _jump_problem(self, pose: Pose, last: Pose) -> str:
+        """Return why the robot cannot have come from ``last`` to ``pose``; empty if it can."""
+        if not any(_place(last)) and pose.position_m[2]:
+            return f"the poses before were zero to the last digit, and this one is not; {_SHOW}"
+        gap_s = max(0.0, pose.t_s - last.t_s)
+        moved_m = math.dist(pose.position_m[:2], last.position_m[:2])
+        if moved_m > (allowed_m := self._limits.shake_m + self._limits.max_speed_m_s * gap_s):
+            return (
+                f"the position jumped by {moved_m:.3g} m in {gap_s:.2f} s, where {allowed_m:.2g} m is plausible; "
+                f"{_TWO_BODIES}"
+            )
+        turned_rad = abs(math.remainder(pose.yaw_rad - last.yaw_rad, math.tau))
+        is_upright = max(abs(pose.pitch_rad), abs(last.pitch_rad)) < _STEEP_RAD
+        if is_upright and turned_rad > (allowed_rad := _TURN_RAD + _TURN_RAD_S * gap_s):
+            return (
+                f"the yaw jumped by {turned_rad:.2g} rad in {gap_s:.2f} s, where {allowed_rad:.2g} rad is plausible; "
+                f"{_DEGREES}"
+            )
         return ""
 
     def _note(self, pose: Pose, problem: str) -> None:
@@ -137,6 +187,50 @@ class PoseFilter:
         is_long = last is not None and pose.t_s - last.t_s > self._limits.lost_s
         if dropped >= _FEWEST_DROPPED and (is_long or dropped > _LARGEST_SHARE * len(self._seen)):
             raise TrackingLost(f"{dropped} of the last {len(self._seen)} poses are implausible: {problem}")
+
+
+_SHOW = "the tracker did not see the robot: show it"
+_UNSEEN = "it does not see the robot any more; show it the robot"
+_TWO_BODIES = "let the tracker see one body alone, the robot"
+_DEGREES = 'if it is degrees, set yaw_unit = "deg"'
+
+
+def _absolute_problem(pose: Pose) -> str:
+    """Return why no robot can have this pose, wherever it was before; empty if one can."""
+    if not pose.is_finite:
+        return "the pose is not a number"
+    x_m, y_m, z_m = pose.position_m
+    if max(map(abs, pose.position_m)) > _FAR_M or abs(z_m) > _HIGH_M:
+        return f"the position ({x_m:.3g}, {y_m:.3g}, {z_m:.3g}) m is outside any laboratory; {_unit_cure(z_m)}"
+    for name, angle_rad in (("yaw", pose.yaw_rad), ("pitch", pose.pitch_rad), ("roll", pose.roll_rad)):
+        if abs(angle_rad) > _FULL_TURN_RAD:
+            return f"{name} is {angle_rad:.1f} rad, more than a full turn; {_DEGREES}"
+    return ""
+
+
+def _unit_cure(z_m: float) -> str:
+    if _HIGH_M < abs(z_m) < _CM_HIGH_M:
+        return 'if it is centimetres, set unit = "cm", and if millimetres, unit = "mm"'
+    return 'if it is millimetres, set unit = "mm"'
+
+
+def _origin_problem(pose: Pose, others: Sequence[Pose]) -> str:
+    """Return why a pose of zeros alone, among others that are not, or another one after it, is not the robot's."""
+    if not any(_place(pose)) and any(any(_place(other)) for other in others):
+        return "the pose is zero to the last digit, as trackers report a body that they do not see; show it the robot"
+    return ""
+
+
+def _check_yaws(poses: Sequence[Pose]) -> None:
+    """Raise TrackingLost if the yaw of a robot at rest scatters as only another unit can."""
+    error_rad = _standard_error(_unwrapped([pose.yaw_rad for pose in poses])) or 0.0
+    scatter_rad = error_rad * math.sqrt(len(poses)) / _MEDIAN_TO_MEAN
+    if scatter_rad > _YAW_SCATTER_RAD:
+        raise TrackingLost(f"the yaw of the robot at rest scatters by {scatter_rad:.2f} rad; {_DEGREES}")
+
+
+def _place(pose: Pose) -> tuple[float, ...]:
+    return (*pose.position_m, pose.yaw_rad, pose.pitch_rad, pose.roll_rad)
 
 
 def _numbers(pose: Pose) -> tuple[object, ...]:

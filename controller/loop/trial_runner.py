@@ -180,9 +180,8 @@ class _Watch:
         count = min(settings.rest_poses, int(settings.settle_s / settings.period_s + 1e-9))
         clock.sleep(settings.settle_s - count * settings.period_s)
         if count:
-            self.start = average_at_rest(self._poses_at_rest(count))
-            if self._filter:
-                self._filter.begin_at(self.start, self._since_begin(clock.now_s()))
+            poses = [self._next_pose() for _ in range(count)]
+            self.start = self._filter.rest(poses) if self._filter else average_at_rest(poses)
 
     def begin(self) -> None:
         self._begin_s = self._robot.clock.now_s()
@@ -199,7 +198,8 @@ class _Watch:
         self._is_driving = False
         if self._settings.rest_poses:
             self._robot.clock.sleep(self._settings.rest_s)
-            self.end = average_at_rest(self._poses_at_rest(self._settings.rest_poses))
+            poses = self._poses_at_rest(self._settings.rest_poses)
+            self.end = self._filter.rest_after(poses, self.poses) if self._filter else average_at_rest(poses)
 
     def elapsed_s(self) -> float:
         return self._since_begin(self._robot.clock.now_s())
@@ -250,16 +250,23 @@ class _Watch:
             raise TrackingLost("the tracker shows no plausible pose of the robot at rest; check what it sees")
         return seen
 
+    def _next_pose(self) -> Pose:
+        self._robot.clock.sleep(self._settings.period_s)
+        return self._pose()
+
     def _plausible_pose(self) -> Pose | None:
         """Return the present pose; None if it cannot be the robot's. Raises TrackingLost if that goes on."""
-        pose = self._robot.tracker.pose()
-        pose = replace(pose, t_s=self._since_begin(pose.t_s)) if math.isfinite(pose.t_s) else pose
+        pose = self._pose()
         if self._filter is None:
-            if not pose.is_finite:
-                raise TrackingLost("the tracker reports a pose that is not a number; check its set-up")
             return pose
         turns = self._is_driving and bool(self.states) and any(map(abs, self.states[-1].frequency_hz))
         return pose if self._filter.accepts(pose, turns) else None
+
+    def _pose(self) -> Pose:
+        pose = self._robot.tracker.pose()
+        if self._filter is None and not pose.is_finite:
+            raise TrackingLost("the tracker reports a pose that is not a number; check its set-up")
+        return replace(pose, t_s=self._since_begin(pose.t_s)) if math.isfinite(pose.t_s) else pose
 
     def _since_begin(self, t_s: float) -> float:
         # Whole microseconds: the clock's own start must not reach the score through rounding.

@@ -21,9 +21,16 @@ class Kind(StrEnum):
     ERROR = "error"  # the device sees an error, on the line or of its own
     SILENCE = "silence"  # no heartbeats and no telemetry, while commands are obeyed
     BLIND = "blind"  # the tracker does not see the robot
+    JUMP = "jump"  # it sees the robot elsewhere
+    FREEZE = "freeze"  # it repeats the last pose, with new numbers and times
+    ORIGIN = "origin"  # its poses are zero
+    SECOND_BODY = "second_body"  # every second pose is that of another body
+    UNIT = "unit"  # its positions are in millimetres
+    CLOCK_STEP = "clock_step"  # its clock is set to another time, and back
 
 
 REPLY_KINDS = frozenset({Kind.DROP, Kind.CORRUPT, Kind.DELAY, Kind.DUPLICATE})
+POSE_KINDS = frozenset({Kind.BLIND, Kind.JUMP, Kind.FREEZE, Kind.ORIGIN, Kind.SECOND_BODY, Kind.UNIT, Kind.CLOCK_STEP})
 DEVICE_KINDS = frozenset({Kind.STALL, Kind.ERROR, Kind.SILENCE})
 
 
@@ -36,11 +43,13 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         after_motion_s: time from the first rotation of a motor to the fault.
         at_reply: number of the device's message at which the fault begins, counted from 1.
         every_s: time from each beginning of the fault to the next; None for once.
-        duration_s: how long it lasts (stall, brown-out, unplugging, error, silence, blindness).
+        duration_s: how long it lasts (all kinds but those of messages).
         replies: number of messages affected (drop, corrupt, delay, duplicate).
         delay_s: how late messages are.
         motor: the motor, counted from 1 (stall, error).
         code: the device's own code for the error; None for the mock's choice.
+        size_m: how far away the robot is seen (jump), or the other body is (second body).
+        step_s: how far the tracker's clock is set forward; negative is back (clock step).
 
     Raises:
         ValueError: not one trigger, or a number that is out of range.
@@ -56,6 +65,8 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     delay_s: float = 0.2
     motor: int = 1
     code: int | None = None
+    size_m: float = 0.5
+    step_s: float = -0.19
 
     def __post_init__(self) -> None:
         triggers = (self.at_s, self.after_motion_s, self.at_reply)
@@ -63,10 +74,12 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError("a fault has one of at_s, after_motion_s and at_reply")
         if self.every_s is not None and not 0.0 < self.every_s < math.inf:
             raise ValueError(f"every_s is {self.every_s:g}, but must be above 0, and finite")
-        for name in ("at_s", "after_motion_s", "at_reply", "duration_s", "delay_s"):
+        for name in ("at_s", "after_motion_s", "at_reply", "duration_s", "delay_s", "size_m"):
             value = getattr(self, name)
             if value is not None and not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} is {value:g}, but must be 0 or more, and finite")
+        if not math.isfinite(self.step_s):
+            raise ValueError(f"step_s is {self.step_s:g}, but must be finite")
         if self.replies < 1 or self.motor < 1:
             raise ValueError("replies and motor count from 1")
 

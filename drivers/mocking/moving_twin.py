@@ -8,7 +8,8 @@ from dataclasses import replace
 
 from vvvaltr.controller.core.errors import DeviceFault
 from vvvaltr.controller.core.protocols import Robot
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.values import Gait, Vector
+from vvvaltr.drivers.mocking.pose_faults import PoseFaults
 from vvvaltr.drivers.trackers.registry import PoseFeed
 
 _POSE_PERIOD_S = 0.02
@@ -29,7 +30,7 @@ class MovingTwin:
         self._feed = feed
         self._now_s = -math.inf
         self._next_pose_s = -math.inf
-        self.is_blind = False
+        self.faults = PoseFaults()
 
     def advance(self, applied_hz: Sequence[float], now_s: float) -> None:
         """Move the robot until ``now_s``, as ``time.monotonic()`` counts, and show its pose when that is due."""
@@ -44,10 +45,15 @@ class MovingTwin:
             self._twin.place(0)  # the physics diverged: place the robot anew
         if now_s >= self._next_pose_s:
             self._next_pose_s = max(self._next_pose_s + _POSE_PERIOD_S, now_s)
-            if self.is_blind:
+            if (shown := self.faults.shown(replace(self._twin.tracker.pose(), t_s=now_s))) is None:
                 self._feed.send_lost(now_s)
             else:
-                self._feed.send(replace(self._twin.tracker.pose(), t_s=now_s))
+                self._feed.send(shown)
+
+    @property
+    def place_m(self) -> Vector:
+        """Where the robot truly is, as its twin's tracker tells: whatever the faults are."""
+        return self._twin.tracker.pose().position_m
 
     def close(self) -> None:
         """Close the twin and the feed."""

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
+from vvvaltr.controller.core.values import Vector
 from vvvaltr.drivers.mocking.device import Device
 from vvvaltr.drivers.mocking.faults import DEVICE_KINDS, REPLY_KINDS, Fault, Kind, Schedule
 from vvvaltr.drivers.mocking.moving_twin import MovingTwin
@@ -58,6 +59,11 @@ class PluggedDevice:
         """What the output stages are set to."""
         applied_hz = self._device.applied_hz
         return applied_hz if self._has_power else (0.0,) * len(applied_hz)
+
+    @property
+    def place_m(self) -> Vector | None:
+        """Where the robot truly is; None for motors on a bench."""
+        return None if self._motion is None else self._motion.place_m
 
     @property
     def watchdog(self) -> bool:
@@ -122,7 +128,7 @@ class PluggedDevice:
         elif fault.kind is Kind.BROWN_OUT:
             self._has_power = False
         elif self._motion is not None:
-            self._motion.is_blind = True
+            self._motion.faults.begin(fault)
 
     def _end(self, fault: Fault, now_s: float) -> None:
         if fault.kind in DEVICE_KINDS:
@@ -133,7 +139,7 @@ class PluggedDevice:
             self._device.reboot(now_s)
             self._has_power = True
         elif self._motion is not None:
-            self._motion.is_blind = False
+            self._motion.faults.end(fault)
 
     def _say(self, message: bytes, now_s: float) -> None:
         """Put one message of the device into the outbox, changed by the faults of the moment."""

@@ -27,12 +27,16 @@ class Greeting(msgspec.Struct, frozen=True):
 
 
 class Status(msgspec.Struct, frozen=True):
-    """State of the device; the time is as ``time.monotonic()`` counts."""
+    """State of the device; the time is as ``time.monotonic()`` counts.
+
+    ``place_m`` is where its robot truly is, whatever the tracker shows.
+    """
 
     t_s: float
     applied_hz: tuple[float, ...]
     watchdog: bool
     faults: tuple[str, ...]
+    place_m: tuple[float, float, float] | None = None
 
     @property
     def is_at_rest(self) -> bool:

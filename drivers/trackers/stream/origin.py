@@ -12,7 +12,8 @@ from vvvaltr.drivers.trackers.stream.wire import Address
 
 _SILENCE_S = 1.0  # after which another sender may take over
 _APART_M = 0.05  # further than a robot gets from one frame to the next
-_JUDGED, _MOST_JUMPS = 10, 5  # frames; an outlier now and then is not a second body
+_NEAR_M = 0.02  # what a body moves within a few frames
+_JUDGED, _MOST_RETURNS = 10, 5  # frames; an outlier now and then is not a second body
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,18 +72,21 @@ class TwoPlaces:
     """Notices poses that jump to and fro: two bodies, sent by one sender without names."""
 
     def __init__(self) -> None:
-        self._last_m: Vector | None = None
-        self._steps_m: deque[float] = deque(maxlen=_JUDGED)
+        self._places_m: deque[Vector] = deque(maxlen=3)
+        self._returns_m: deque[float] = deque(maxlen=_JUDGED)
 
     def conflict(self, position_m: Vector) -> str:
         """Take in a position; return why it is not clear where the robot is, and the cure; empty if it is."""
-        if self._last_m is not None:
-            self._steps_m.append(math.dist(position_m, self._last_m))
-        self._last_m = position_m
-        jumps_m = [step_m for step_m in self._steps_m if step_m > _APART_M]
-        if len(jumps_m) <= _MOST_JUMPS:
+        if self._places_m:
+            *before, last_m = self._places_m
+            step_m = math.dist(position_m, last_m)
+            is_return = step_m > _APART_M and any(math.dist(position_m, place_m) < _NEAR_M for place_m in before)
+            self._returns_m.append(step_m if is_return else 0.0)
+        self._places_m.append(position_m)
+        returns_m = [step_m for step_m in self._returns_m if step_m]
+        if len(returns_m) <= _MOST_RETURNS:
             return ""
         return (
-            f"the poses jump to and fro by {min(jumps_m):.3g} m, as if two bodies were sent; send the robot alone, or "
+            f"the poses jump to and fro by {min(returns_m):.3g} m, as of two bodies; send the robot alone, or "
             'let the sender name them and write name = "robot"'
         )

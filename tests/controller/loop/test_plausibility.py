@@ -100,6 +100,77 @@ def test_a_robot_that_is_lifted_is_lost() -> None:
         accepted(poses, lifted)
 
 
+@pytest.mark.parametrize("outlier", [0, 2, 4])
+def test_an_outlier_at_rest_has_no_say_in_where_the_drive_begins_wherever_it_stands(outlier: int) -> None:
+    poses = PoseFilter(Plausibility())
+    rest = poses.rest([walk(0, 2.0 if n == outlier else 0.0) for n in range(5)])
+    assert rest.position_m == walk(0).position_m
+    assert poses.dropped == 1
+
+
+def test_poses_at_rest_that_do_not_agree_are_lost() -> None:
+    with pytest.raises(TrackingLost, match=r"apart; let the tracker see one body alone"):
+        PoseFilter(Plausibility()).rest([walk(n, 0.4 * (n % 2)) for n in range(5)])
+
+
+@pytest.mark.parametrize(
+    ("pose", "cure"),
+    [
+        (Pose(0.0, (120.0, 40.0, 60.0)), 'unit = "mm"'),
+        (Pose(0.0, (12.0, 4.0, 6.0)), 'unit = "cm"'),
+        (Pose(0.0, (0.1, 0.0, 0.06), yaw_rad=90.0), 'yaw_unit = "deg"'),
+    ],
+)
+def test_at_rest_the_reason_names_the_unit_that_it_looks_like(pose: Pose, cure: str) -> None:
+    with pytest.raises(TrackingLost, match=cure):
+        PoseFilter(Plausibility()).rest([pose] * 5)
+
+
+def test_a_yaw_at_rest_that_scatters_by_degrees_is_lost_with_the_cure() -> None:
+    poses = [walk(0, yaw_rad=0.13 * math.sin(17.0 * n)) for n in range(9)]
+    with pytest.raises(TrackingLost, match='yaw_unit = "deg"'):
+        PoseFilter(Plausibility()).rest(poses)
+
+
+def test_a_yaw_that_jumps_is_dropped_except_of_a_robot_that_stands_on_end() -> None:
+    assert accepted(new_filter(), [walk(1, yaw_rad=0.1), walk(2, yaw_rad=1.4), walk(3, yaw_rad=0.2)]) == 2
+    assert accepted(new_filter(), [walk(1, pitch_rad=1.5), walk(2, yaw_rad=3.0, pitch_rad=1.5)]) == 2
+
+
+def test_zeros_alone_are_no_place_of_a_robot_that_was_seen() -> None:
+    zeros = [Pose(n / RATE_HZ, (0.0, 0.0, 0.0)) for n in range(20, 40)]
+    poses = PoseFilter(Plausibility(max_lift_m=1.0))
+    assert accepted(poses, [walk(n) for n in range(1, 20)]) == 19
+    with pytest.raises(TrackingLost, match="as trackers report a body that they do not see"):
+        accepted(poses, zeros)
+
+
+def test_a_robot_that_is_first_seen_after_zeros_is_lost() -> None:
+    poses = PoseFilter(Plausibility())
+    poses.begin_at(poses.rest([Pose(n / RATE_HZ, (0.0, 0.0, 0.0)) for n in range(5)]), 0.0)
+    with pytest.raises(TrackingLost, match="zero to the last digit"):
+        accepted(poses, [walk(n) for n in range(1, 20)])
+
+
+def test_a_pose_that_is_repeated_from_the_drive_to_the_end_is_not_where_the_robot_came_to_rest() -> None:
+    poses, last = new_filter(), walk(10)
+    driven = [walk(n) for n in range(1, 11)]
+    accepted(poses, driven)
+    held = [Pose(n / RATE_HZ, last.position_m) for n in range(11, 20)]
+    accepted(poses, held[:2])
+    accepted(poses, held[2:], motors_turn=False)
+    with pytest.raises(TrackingLost, match="since the drive"):
+        poses.rest_after(held[2:], driven)
+
+
+def test_of_the_poses_after_the_drive_those_that_the_tracker_repeated_do_not_count() -> None:
+    poses, last, after = new_filter(), walk(10), walk(20, 0.03)
+    driven = [walk(n) for n in range(1, 11)]
+    accepted(poses, driven)
+    held = [Pose(n / RATE_HZ, last.position_m) for n in range(11, 14)]
+    assert poses.rest_after([*held, after], driven).position_m == after.position_m
+
+
 def test_the_place_at_rest_does_not_move_with_an_outlier_and_says_how_sure_it_is() -> None:
     noise_m = [0.0003 * math.sin(17.0 * n) for n in range(9)]
     poses = [Pose(0.1 * n, (0.1 + noise, 0.0, 0.06), yaw_rad=3.1 + noise) for n, noise in enumerate(noise_m)]
