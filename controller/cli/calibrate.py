@@ -17,7 +17,7 @@ from vvvaltr.controller.cli.telling import bar, say
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
 if TYPE_CHECKING:
-    from vvvaltr.controller.robot.commissioning.calibrate import Reading
+    from vvvaltr.controller.robot.commissioning.calibrate import Reach, Reading
     from vvvaltr.controller.robot.robot_file import RobotFile
 
 _QUESTION = "frequency in Hz (empty if the motor did not turn): "
@@ -51,32 +51,38 @@ def _execute(arguments: Namespace) -> Answer:
     if path is None:
         raise NotUnderstood(f"calibrate {_PURPOSE}: name its file, as in vvvaltr calibrate robot.toml")
     robot_file = load_robot_file(path)
-    seen = _measure(robot_file, arguments)
+    reach, seen = _measure(robot_file, arguments)
     curves = [
         fit_curve([reading for reading in seen if reading.motor == motor], table.curve)
         for motor, table in enumerate(robot_file.motors)
     ]
-    _keep(path, replace_curves(robot_file, curves))
+    _keep(path, replace_curves(robot_file, curves, reach.limit_hz))
     prose = [
         f"motor {motor}: " + ", ".join(f"{command:g} -> {hz:.2f} Hz" for command, hz in curve)
         for motor, curve in enumerate(curves, start=1)
     ]
-    data = {"robot": str(path), "curves": curves}
-    return Answer("\n".join([*prose, f"saved in {path}"]), data)
+    limit = reach.explain(robot_file)
+    data = {"robot": str(path), "curves": curves, "limit_hz": reach.limit_hz if limit else None}
+    return Answer("\n".join([*prose, *filter(None, [limit]), f"saved in {path}"]), data)
 
 
-def _measure(robot_file: RobotFile, arguments: Namespace) -> list[Reading]:
+def _measure(robot_file: RobotFile, arguments: Namespace) -> tuple[Reach, list[Reading]]:
     from vvvaltr.controller.core.errors import one_line_errors
-    from vvvaltr.controller.robot.commissioning.calibrate import measure_motors, remove_curves
+    from vvvaltr.controller.robot.commissioning.calibrate import Reach, find_reach, measure_motors, remove_curves
     from vvvaltr.controller.robot.hardware import open_hardware
 
     bare = remove_curves(robot_file)
-    greatest = bare.limits.max_hz
     say(arguments, "the motors will turn, one after the other, up to full speed")
     with one_line_errors(), closing(open_hardware(bare)) as robot:
+        reach = Reach() if arguments.ask else find_reach(robot)
+        greatest = reach.greatest_commands(robot_file)
+        if limit := reach.explain(robot_file):
+            say(arguments, limit)
         ask = _asked_hz if arguments.ask else None
-        run = measure_motors(robot, greatest, arguments.points, arguments.seconds, ask)
-        return list(bar(arguments, run, total=len(greatest) * arguments.points, desc="calibrating", unit="point"))
+        look_s = max(arguments.seconds, reach.look_s)
+        run = measure_motors(robot, greatest, arguments.points, look_s, ask, reach if limit else None)
+        points = len(greatest) * arguments.points
+        return reach, list(bar(arguments, run, total=points, desc="calibrating", unit="point"))
 
 
 def _asked_hz() -> float:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Command
 from vvvaltr.controller.cli.options import add_robot_file_arguments, chosen_robot_file
 from vvvaltr.controller.cli.telling import say
+
+if TYPE_CHECKING:
+    from vvvaltr.controller.robot.commissioning.check import Finding
 
 
 def _execute(arguments: Namespace) -> Answer:
@@ -27,12 +30,18 @@ def _check(path: Path, arguments: Namespace) -> Answer:
     findings = []
     for finding in check(robot):
         findings.append(finding)
-        say(arguments, f"{'pass' if finding.passed else 'FAIL'}  {finding.name}: {finding.detail}")
+        say(arguments, f"{_verdict(finding)}  {finding.name}: {finding.detail}")
     failed = [finding for finding in findings if not finding.passed]
     data: dict[str, Any] = {"passed": not failed, "checks": [asdict(finding) for finding in findings]}
-    lines = [f"{finding.name}: {finding.cure}" for finding in failed]
-    prose = "\n".join(lines) if failed else f"{path} is ready"
+    lines = [f"{finding.name}: {finding.cure}" for finding in findings if finding.cure]
+    prose = "\n".join(lines if failed else [*lines, f"{path} is ready"])
     return Answer(prose, data, status=1 if failed else 0)
+
+
+def _verdict(finding: Finding) -> str:
+    if not finding.passed:
+        return "FAIL"
+    return "warn" if finding.cure else "pass"
 
 
 def _list_ports() -> Answer:

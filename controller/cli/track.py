@@ -56,7 +56,11 @@ def _execute(arguments: Namespace) -> Answer:
     if not seen.poses:
         raise TrackingLost(f"{found[0].what}; {found[0].cure}")
     response_s = _measure_response(robot, arguments) if arguments.response else math.nan
-    data = _data(seen, response_s, [{"problem": problem.what, "cure": problem.cure} for problem in found])
+    data = _data(
+        seen,
+        response_s,
+        [{"problem": problem.what, "cure": problem.cure, "warning": problem.is_warning} for problem in found],
+    )
     prose = [_line(seen), *(f"{problem.what}: {problem.cure}" for problem in found)]
     if arguments.response:
         prose.append(f"the robot is seen to move {1000.0 * response_s:.0f} ms after a set-point")
@@ -105,10 +109,11 @@ def _line(seen: Sight) -> str:
     )
 
 
-def _data(seen: Sight, response_s: float, found: list[dict[str, str]]) -> dict[str, Any]:
+def _data(seen: Sight, response_s: float, found: list[dict[str, str | bool]]) -> dict[str, Any]:
     from dataclasses import asdict
 
     told = {**asdict(seen), "response_s": response_s}
+    del told["doubts"], told["cure"]  # they are among the problems
     numbers = {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in told.items()}
     return {**numbers, "problems": found}
 

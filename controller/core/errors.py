@@ -29,7 +29,12 @@ class LinkLost(DeviceError, ConnectionError):
 
 
 class TrackingLost(Exception):
-    """The tracker has no pose that can be trusted."""
+    """The tracker has no pose that can be trusted. ``cure`` is empty where none is known."""
+
+    def __init__(self, reason: str, cure: str = "") -> None:
+        super().__init__(f"{reason}; {cure}" if cure else reason)
+        self.reason = reason
+        self.cure = cure
 
 
 class SafetyStop(Exception):

@@ -157,7 +157,7 @@ class PoseFilter:
     def _jump_problem(self, pose: Pose, last: Pose) -> str:
         """Return why the robot cannot have come from ``last`` to ``pose``; empty if it can."""
         if not any(_place(last)) and pose.position_m[2]:
-            return f"the poses before were zero to the last digit, and this one is not; {_SHOW}"
+            return f"the poses were zero to the last digit before: the tracker did not see the robot; {_SHOW}"
         gap_s = max(0.0, pose.t_s - last.t_s)
         moved_m = math.dist(pose.position_m[:2], last.position_m[:2])
         if moved_m > (allowed_m := self._limits.shake_m + self._limits.max_speed_m_s * gap_s):
@@ -189,8 +189,8 @@ class PoseFilter:
             raise TrackingLost(f"{dropped} of the last {len(self._seen)} poses are implausible: {problem}")
 
 
-_SHOW = "the tracker did not see the robot: show it"
-_UNSEEN = "it does not see the robot any more; show it the robot"
+_SHOW = "show the robot to the tracker"
+_UNSEEN = f"it does not see the robot any more; {_SHOW}"
 _TWO_BODIES = "let the tracker see one body alone, the robot"
 _DEGREES = 'if it is degrees, set yaw_unit = "deg"'
 
@@ -198,7 +198,7 @@ _DEGREES = 'if it is degrees, set yaw_unit = "deg"'
 def _absolute_problem(pose: Pose) -> str:
     """Return why no robot can have this pose, wherever it was before; empty if one can."""
     if not pose.is_finite:
-        return "the pose is not a number"
+        return f"the pose is not a number; {_SHOW}"
     x_m, y_m, z_m = pose.position_m
     if max(map(abs, pose.position_m)) > _FAR_M or abs(z_m) > _HIGH_M:
         return f"the position ({x_m:.3g}, {y_m:.3g}, {z_m:.3g}) m is outside any laboratory; {_unit_cure(z_m)}"
@@ -217,7 +217,7 @@ def _unit_cure(z_m: float) -> str:
 def _origin_problem(pose: Pose, others: Sequence[Pose]) -> str:
     """Return why a pose of zeros alone, among others that are not, or another one after it, is not the robot's."""
     if not any(_place(pose)) and any(any(_place(other)) for other in others):
-        return "the pose is zero to the last digit, as trackers report a body that they do not see; show it the robot"
+        return f"the pose is zero to the last digit, as trackers report a body that they do not see; {_SHOW}"
     return ""
 
 

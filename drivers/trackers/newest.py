@@ -26,22 +26,23 @@ class NewestPose:
     Args:
         age_limit_s: the greatest age of a pose that is still the robot's.
         reason: why there is no pose before the first one.
+        cure: what to do about it.
     """
 
-    def __init__(self, age_limit_s: float, reason: str) -> None:
+    def __init__(self, age_limit_s: float, reason: str, cure: str = "") -> None:
         self.age_limit_s = age_limit_s
         self.clock = RemoteClock()
         self._frame, self._sent_s, self._heard_s = -1, -math.inf, -math.inf
         self._hangs, self._missing = False, ""
         self._last_rad: Angles = (0.0, 0.0, 0.0)
-        # The pose or why there is none: one attribute, for two threads share it.
-        self._newest: Pose | str = reason
+        # The pose, or why there is none and the cure: one attribute, for two threads share it.
+        self._newest: Pose | tuple[str, str] = (reason, cure)
 
     def pose(self) -> Pose:
         """Return the newest pose. Raises TrackingLost if it is too old, or the robot was not seen."""
         newest = self._newest
-        if isinstance(newest, str):
-            raise TrackingLost(newest)
+        if isinstance(newest, tuple):
+            raise TrackingLost(*newest)
         age_s = time.monotonic() - newest.t_s
         if age_s > self.age_limit_s:
             cause = f"the tracker hangs: it repeats frame {self._frame}" if self._hangs else self._missing
@@ -49,15 +50,15 @@ class NewestPose:
             raise TrackingLost(f"{limit}; {cause}" if cause else limit)
         return newest
 
-    def lose(self, reason: str) -> None:
+    def lose(self, reason: str, cure: str = "") -> None:
         """Have no pose until the next one is taken in."""
-        self._newest = reason
+        self._newest = (reason, cure)
 
     def miss(self, reason: str) -> None:
         """Note why a frame shows nothing; the pose before it is the robot's until it is too old."""
         self._missing = reason
-        if isinstance(self._newest, str):
-            self._newest = reason
+        if isinstance(self._newest, tuple):
+            self._newest = (reason, "")
 
     def take(self, frame: int, t_s: float, pose: Pose | str, received_s: float) -> bool:
         """Take in a frame; returns whether it is news: a repeated or overtaken one changes nothing.
@@ -83,7 +84,10 @@ class NewestPose:
             self.clock = RemoteClock()
         self._frame, self._sent_s, self._heard_s = frame, t_s, received_s
         self._hangs, self._missing = False, ""
-        self._newest = pose if isinstance(pose, str) else replace(pose, t_s=self.clock.here_s(t_s, received_s))
+        if isinstance(pose, str):
+            self._newest = (pose, "")
+        else:
+            self._newest = replace(pose, t_s=self.clock.here_s(t_s, received_s))
         return True
 
     def _is_set_back(self, frame: int, back_s: float) -> bool:

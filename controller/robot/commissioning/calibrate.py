@@ -12,12 +12,15 @@ from typing import Any
 import msgspec
 
 from vvvaltr.controller.core.document import to_toml
-from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.errors import TrackingLost, UserError
 from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.robot.commissioning.track import LEAST_RATE_HZ, look, sight
 from vvvaltr.controller.robot.commissioning.vibration import (
     Peak,
     find_peak,
+    followed_hz,
     measure_spectrum,
+    needed_rate_hz,
     record_poses,
     record_states,
 )
@@ -30,6 +33,9 @@ _SETTLE_S = 0.7  # for a motor to reach its speed
 _CLEAR, _CLEAR_IN_SHAPE = 1.6, 4.0  # above what noise reaches
 _SLOWEST_SEEN, _SLOWEST_MEASURED = 0.2, 0.12  # of the greatest command
 _OFF_HZ = 0.1
+_LOOK_S, _LOOK_POSES = 1.5, 75.0
+_SLOWER = 0.85  # of a command: a motor that is seen for what it is turns slower there
+_NEAR_LIMIT = 0.95  # a motor may be a little faster than its former curve tells
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +52,67 @@ def remove_curves(robot: RobotFile) -> RobotFile:
     return msgspec.structs.replace(robot, line=tuple(line.remove_curves() for line in robot.line), search=None)
 
 
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How fast a motor may turn for its frequency to be measured. ``rate_hz`` is the tracker's pose rate."""
+
+    rate_hz: float = math.inf
+
+    @property
+    def limit_hz(self) -> float:
+        """The greatest frequency."""
+        return followed_hz(self.rate_hz)
+
+    @property
+    def look_s(self) -> float:
+        """How long to look at a motor, at least."""
+        return _LOOK_POSES / self.rate_hz
+
+    def greatest_commands(self, robot: RobotFile) -> list[float]:
+        """Return the greatest command of each motor by which it turns no faster, as far as its former curve tells.
+
+        Raises:
+            UserError: the tracker is too slow to measure anything.
+        """
+        if self.rate_hz < LEAST_RATE_HZ:
+            raise UserError(
+                f"the tracker sends {self.rate_hz:.0f} poses/s, too few to measure a motor; let it send "
+                f"{needed_rate_hz(max(robot.limits.max_hz)):.0f} poses/s, or measure by other means (--ask)"
+            )
+        curves = [motor.calibration for motor in robot.motors]
+        return [
+            top if curve.frequency_hz(top) <= self.limit_hz else min(top, curve.command(self.limit_hz))
+            for top, curve in zip(remove_curves(robot).limits.max_hz, curves, strict=True)
+        ]
+
+    def explain(self, robot: RobotFile) -> str:
+        """Return what is left out, in a sentence; empty if nothing is."""
+        tops = zip(robot.motors, remove_curves(robot).limits.max_hz, strict=True)
+        if (greatest_hz := max(motor.calibration.frequency_hz(top) for motor, top in tops)) <= self.limit_hz:
+            return ""
+        return (
+            f"{self.rate_hz:.0f} poses/s show up to {self.limit_hz:.1f} Hz: motors are measured and searched up to "
+            f"there; for {greatest_hz:.1f} Hz let the tracker send {needed_rate_hz(greatest_hz):.0f} poses/s"
+        )
+
+
+def find_reach(robot: HardwareRobot) -> Reach:
+    """Return how fast the motors may turn to be measured: any, where they have sensors. Raises TrackingLost."""
+    if robot.motors.state().measured:
+        return Reach()
+    seen = sight(list(look(robot.tracker, _LOOK_S)), robot.tracker)
+    if math.isnan(seen.rate_hz):
+        raise TrackingLost(seen.reason or "the tracker sends no poses", seen.cure or "start the tracker")
+    return Reach(seen.rate_hz)
+
+
 def measure_motors(
     robot: HardwareRobot,
     greatest: Sequence[float],
     points: int,
     seconds: float,
     ask: Callable[[], float] | None = None,
+    reach: Reach | None = None,
 ) -> Iterator[Reading]:
     """Drive each motor alone, from its greatest command down, and yield its frequency at each.
 
@@ -61,14 +122,18 @@ def measure_motors(
         points: commands per motor, two or more.
         seconds: how long to look at each.
         ask: returns the frequency that a person measured by other means; None to measure it here.
+        reach: how fast the motors may turn to be measured; None for any.
 
     Raises:
         DeviceError: a device failed.
         TrackingLost: the tracker lost the robot.
+        UserError: a motor turns faster than the tracker can follow, so that it would be taken for a slower one.
     """
     slowest = _SLOWEST_MEASURED if robot.motors.state().measured else _SLOWEST_SEEN
     for motor, top in enumerate(greatest):
         measurement = _Measurement(robot, motor, seconds, ask)
+        if reach is not None and ask is None:
+            measurement.check_reach(top, reach)
         for step in range(points):
             command = top * (1.0 - (1.0 - slowest) * step / (points - 1))
             # A board's own speeds are whole numbers, and large; frequencies are neither.
@@ -88,9 +153,7 @@ class _Measurement:
         self._last: tuple[float, float] | None = None
 
     def frequency_hz(self, command: float) -> float:
-        commands = [0.0] * self._robot.motors.motor_count
-        commands[self._motor] = command
-        gait, motors = Gait(tuple(commands)), self._robot.motors
+        gait, motors = self._gait(command), self._robot.motors
         if self._ask is not None:
             record_states(motors, gait, _SETTLE_S, self._seconds)
             return self._ask()
@@ -99,6 +162,30 @@ class _Measurement:
             mean_hz = sum(abs(state.frequency_hz[self._motor]) for state in states) / len(states)
             return mean_hz if mean_hz > _OFF_HZ else math.nan
         return self._seen_hz(command, gait)
+
+    def check_reach(self, top: float, reach: Reach) -> None:
+        """Raise UserError if the motor seems to turn faster at a smaller command.
+
+        A frequency f above half the pose rate r shows as r - f, which rises where f falls.
+        """
+        fast_hz, slow_hz = self._alone_hz(top), self._alone_hz(_SLOWER * top)
+        if slow_hz > fast_hz or fast_hz > reach.limit_hz / _NEAR_LIMIT:
+            raise UserError(
+                f"motor {self._motor + 1} turns faster than {reach.rate_hz:.0f} poses/s can show; let the tracker send "
+                "more, give the motor a smaller max_hz, or measure by other means (--ask)"
+            )
+
+    def _alone_hz(self, command: float) -> float:
+        """Return the frequency at a command, wherever it is; NaN if none is clear."""
+        gait = self._gait(command)
+        seen = measure_spectrum(record_poses(self._robot.motors, self._robot.tracker, gait, _SETTLE_S, self._seconds))
+        peak = find_peak(seen, 2.0, math.inf)
+        return peak.frequency_hz if peak.clarity > _CLEAR else math.nan
+
+    def _gait(self, command: float) -> Gait:
+        commands = [0.0] * self._robot.motors.motor_count
+        commands[self._motor] = command
+        return Gait(tuple(commands))
 
     def _seen_hz(self, command: float, gait: Gait) -> float:
         seen = measure_spectrum(record_poses(self._robot.motors, self._robot.tracker, gait, _SETTLE_S, self._seconds))
@@ -139,14 +226,14 @@ def fit_curve(seen: Sequence[Reading], former: Points) -> Points:
     return tuple(points)
 
 
-def replace_curves(robot: RobotFile, curves: Sequence[Points]) -> RobotFile:
-    """Return the robot with these curves, and with its limits and search reduced to what they reach."""
+def replace_curves(robot: RobotFile, curves: Sequence[Points], limit_hz: float = math.inf) -> RobotFile:
+    """Return the robot with these curves, and with its limits and search reduced to what they and the limit reach."""
     fresh, lines = iter(curves), []
     for line in robot.line:
         motors = []
         for motor in line.motor:
             curve = next(fresh)
-            motors.append(msgspec.structs.replace(motor, curve=curve, max_hz=min(motor.max_hz, curve[-1][1])))
+            motors.append(msgspec.structs.replace(motor, curve=curve, max_hz=min(motor.max_hz, curve[-1][1], limit_hz)))
         lines.append(msgspec.structs.replace(line, motor=tuple(motors)))
     robot = msgspec.structs.replace(robot, line=tuple(lines))
     if robot.search is not None:

@@ -10,8 +10,16 @@ from dataclasses import dataclass
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, TrackingLost, UserError
 from vvvaltr.controller.core.values import Gait
-from vvvaltr.controller.robot.commissioning.track import look, problems, sight
-from vvvaltr.controller.robot.commissioning.vibration import find_peak, measure_spectrum, record_poses, record_states
+from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter
+from vvvaltr.controller.robot.commissioning.track import Sight, look, problems, sight
+from vvvaltr.controller.robot.commissioning.vibration import (
+    find_peak,
+    followed_hz,
+    measure_spectrum,
+    needed_rate_hz,
+    record_poses,
+    record_states,
+)
 from vvvaltr.controller.robot.hardware import JoinedMotors, open_motors
 from vvvaltr.controller.robot.robot_file import RobotFile
 from vvvaltr.drivers.motor_line import WATCHDOG, HeldMotors, MotorLine
@@ -20,7 +28,7 @@ from vvvaltr.drivers.table import LineTable
 from vvvaltr.drivers.trackers.registry import PoseTracker, open_tracker
 
 _TEST_SHARE, _TEST_HZ = 0.75, 15.0  # of the greatest frequency, but no faster than any tracker can see
-_SETTLE_S, _LOOK_S = 0.6, 1.0
+_SETTLE_S, _LOOK_S, _LOOK_POSES = 0.6, 1.0, 50.0
 _TOLERANCE = 0.15
 _CLEAR = 1.6
 _LOOK_AT_REST_S = 2.0
@@ -29,7 +37,7 @@ _ROTATION_S, _RUN_DOWN_S, _AT_REST_HZ = 0.4, 0.5, 1.0
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What one test of a robot showed; ``cure`` is empty where it passed."""
+    """What one test of a robot showed. What passed with a ``cure`` is a warning."""
 
     name: str
     passed: bool
@@ -48,11 +56,24 @@ def check(robot: RobotFile) -> Iterator[Finding]:
             yield _check_watchdog(f"line {number} watchdog", line)
     with ExitStack() as stack:
         tracker = _open_tracker(robot, stack)
-        finding = tracker if isinstance(tracker, Finding) else _check_tracker(tracker)
-        yield finding
+        if isinstance(tracker, Finding):
+            yield tracker
+            seeing = None
+        else:
+            seen = sight(list(look(tracker, _LOOK_AT_REST_S)), tracker)
+            findings = list(_judge_tracker(seen))
+            yield from findings
+            seeing = _Seeing(tracker, seen.rate_hz) if all(finding.passed for finding in findings) else None
         if opened:
-            seeing = tracker if finding.passed and not isinstance(tracker, Finding) else None
             yield from _check_motors(robot, seeing)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seeing:
+    """A tracker that works, and how many poses it sends a second."""
+
+    tracker: PoseTracker
+    rate_hz: float
 
 
 def _open_tracker(robot: RobotFile, stack: ExitStack) -> PoseTracker | Finding:
@@ -128,15 +149,19 @@ def _hears_watchdog(line: MotorLine, duration_s: float, gait: Gait | None = None
     return has_stopped
 
 
-def _check_tracker(tracker: PoseTracker) -> Finding:
-    seen = sight(list(look(tracker, _LOOK_AT_REST_S)), tracker)
+def _judge_tracker(seen: Sight) -> Iterator[Finding]:
     detail = f"{seen.rate_hz:.0f} poses/s, at rest within {1000.0 * seen.noise_m:.1f} mm"
-    for problem in problems(seen):
-        return Finding("tracker", False, problem.what if seen.poses < 2 else f"{problem.what} ({detail})", problem.cure)
-    return Finding("tracker", True, detail)
+    found = problems(seen)
+    worst = next((problem for problem in found if not problem.is_warning), None)
+    if worst is not None:
+        yield Finding("tracker", False, worst.what if seen.poses < 2 else f"{worst.what} ({detail})", worst.cure)
+        return
+    yield Finding("tracker", True, detail)
+    for problem in found:
+        yield Finding("poses", True, problem.what, problem.cure)
 
 
-def _check_motors(robot: RobotFile, tracker: PoseTracker | None) -> Iterator[Finding]:
+def _check_motors(robot: RobotFile, seeing: _Seeing | None) -> Iterator[Finding]:
     with ExitStack() as stack:
         lines: list[HeldMotors] = []
         try:
@@ -148,8 +173,30 @@ def _check_motors(robot: RobotFile, tracker: PoseTracker | None) -> Iterator[Fin
             return
         motors = JoinedMotors(lines)
         for number, motor in enumerate(robot.motors, start=1):
-            test = _RotationTest(motors, tracker, number - 1, min(_TEST_SHARE * motor.max_hz, _TEST_HZ))
-            yield from test.findings(f"motor {number}")
+            yield from _RotationTest(motors, seeing, number - 1, motor.max_hz).findings(f"motor {number}")
+        if seeing is not None:
+            yield _check_motion(motors, seeing, robot)
+
+
+def _check_motion(motors: JoinedMotors, seeing: _Seeing, robot: RobotFile) -> Finding:
+    """Judge the poses while all motors turn: whether they are those of the robot."""
+    name, poses = "poses in motion", PoseFilter(robot.trial_settings.plausibility or Plausibility())
+    try:
+        gait = Gait(tuple(_test_hz(motor.max_hz) for motor in robot.motors))
+        seen = record_poses(motors, seeing.tracker, gait, _SETTLE_S, _LOOK_S)
+        for pose in seen:
+            poses.accepts(pose, motors_turn=True)
+    except TrackingLost as lost:
+        what, _, cure = str(lost).rpartition("; ")
+        return Finding(name, False, what or cure, cure if what else "show the robot to the tracker")
+    except DeviceError as error:
+        return Finding(name, False, str(error), "check the motors first")
+    detail = f"{len(seen)} poses, {poses.dropped} of them implausible"
+    return Finding(name, True, detail, "let the tracker see one body alone, the robot" if poses.dropped else "")
+
+
+def _test_hz(max_hz: float) -> float:
+    return min(_TEST_SHARE * max_hz, _TEST_HZ)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,9 +204,17 @@ class _RotationTest:
     """Rotates one motor both ways."""
 
     motors: JoinedMotors
-    tracker: PoseTracker | None
+    seeing: _Seeing | None
     motor: int
-    frequency_hz: float
+    max_hz: float
+
+    @property
+    def frequency_hz(self) -> float:
+        """How fast: what can be seen with some room, where there is no sensor."""
+        test_hz = _test_hz(self.max_hz)
+        if self.seeing is None or self.motors.state().measured:
+            return test_hz
+        return min(test_hz, followed_hz(self.seeing.rate_hz) / (1.0 + _TOLERANCE))
 
     def findings(self, name: str) -> Iterator[Finding]:
         cure = "check its wiring and supply, and run vvvaltr calibrate"
@@ -167,12 +222,13 @@ class _RotationTest:
             if not self.motors.state().measured:
                 yield from self._tracked(name, cure)
                 return
-            forward_hz, reverse_hz = self._measured_hz(1.0), self._measured_hz(-1.0)
+            asked_hz = self.frequency_hz
+            forward_hz, reverse_hz = self._measured_hz(asked_hz), self._measured_hz(-asked_hz)
         except (DeviceError, TrackingLost) as error:
             yield Finding(name, False, str(error), cure)
             return
-        detail = f"set to {self.frequency_hz:.1f} Hz, turns at {forward_hz:.1f} Hz"
-        passed = self._is_right(abs(forward_hz))
+        detail = f"set to {asked_hz:.1f} Hz, turns at {forward_hz:.1f} Hz"
+        passed = _is_near(abs(forward_hz), asked_hz)
         yield Finding(name, passed, detail, "" if passed else cure)
         detail = f"turns at {forward_hz:+.1f} and {reverse_hz:+.1f} Hz"
         passed = forward_hz > 0.0 > reverse_hz
@@ -180,30 +236,44 @@ class _RotationTest:
 
     def _tracked(self, name: str, cure: str) -> Iterator[Finding]:
         """Yield what the tracker shows of a motor that has no sensor."""
-        if self.tracker is None:
+        if self.seeing is None:
             yield Finding(
                 name, False, "it has no sensor, and no working tracker to measure it", "make the tracker work first"
             )
             return
+        asked_hz, look_s = self.frequency_hz, max(_LOOK_S, _LOOK_POSES / self.seeing.rate_hz)
         for title, sign in ((name, 1.0), (f"{name} direction", -1.0)):
-            poses = record_poses(self.motors, self.tracker, self._gait(sign), _SETTLE_S, _LOOK_S)
-            peak = find_peak(measure_spectrum(poses), 0.6 * self.frequency_hz, 1.4 * self.frequency_hz)
-            passed = peak.clarity > _CLEAR and self._is_right(peak.frequency_hz)
-            detail = f"set to {sign * self.frequency_hz:.1f} Hz, the robot shakes at {peak.frequency_hz:.1f} Hz"
+            poses = record_poses(self.motors, self.seeing.tracker, self._gait(sign * asked_hz), _SETTLE_S, look_s)
+            peak = find_peak(measure_spectrum(poses), 0.6 * asked_hz, 1.4 * asked_hz)
+            passed = peak.clarity > _CLEAR and _is_near(peak.frequency_hz, asked_hz)
+            detail = f"set to {sign * asked_hz:.1f} Hz, the robot shakes at {peak.frequency_hz:.1f} Hz"
             if peak.clarity <= _CLEAR:
-                detail = f"set to {sign * self.frequency_hz:.1f} Hz, the robot does not shake"
+                detail = f"set to {sign * asked_hz:.1f} Hz, the robot does not shake"
             elif sign < 0.0:
                 detail += "; without a sensor the direction is unknown: look at the motor"
             yield Finding(title, passed, detail, "" if passed else cure)
+        yield from self._too_fast(f"{name} speed", self.seeing.rate_hz)
 
-    def _measured_hz(self, sign: float) -> float:
-        states = record_states(self.motors, self._gait(sign), _SETTLE_S, 0.3)
+    def _too_fast(self, name: str, rate_hz: float) -> Iterator[Finding]:
+        """Yield a warning where the tracker cannot follow the motor to its greatest frequency."""
+        if self.max_hz <= (limit_hz := followed_hz(rate_hz)):
+            return
+        yield Finding(
+            name,
+            True,
+            f"{rate_hz:.0f} poses/s show up to {limit_hz:.1f} Hz, and it turns at up to {self.max_hz:.1f} Hz",
+            f"let the tracker send {needed_rate_hz(self.max_hz):.0f} poses/s, or calibrate up to {limit_hz:.1f} Hz",
+        )
+
+    def _measured_hz(self, frequency_hz: float) -> float:
+        states = record_states(self.motors, self._gait(frequency_hz), _SETTLE_S, 0.3)
         return sum(state.frequency_hz[self.motor] for state in states) / len(states)
 
-    def _gait(self, sign: float) -> Gait:
+    def _gait(self, motor_hz: float) -> Gait:
         frequency_hz = [0.0] * self.motors.motor_count
-        frequency_hz[self.motor] = sign * self.frequency_hz
+        frequency_hz[self.motor] = motor_hz
         return Gait(tuple(frequency_hz))
 
-    def _is_right(self, frequency_hz: float) -> bool:
-        return math.isclose(frequency_hz, self.frequency_hz, rel_tol=_TOLERANCE)
+
+def _is_near(frequency_hz: float, asked_hz: float) -> bool:
+    return math.isclose(frequency_hz, asked_hz, rel_tol=_TOLERANCE)

@@ -13,6 +13,7 @@ import numpy as np
 from vvvaltr.controller.core.errors import DeviceTimeout, TrackingLost
 from vvvaltr.controller.core.protocols import Tracker
 from vvvaltr.controller.core.values import Gait, Pose
+from vvvaltr.controller.robot.commissioning.doubts import Problem, doubts_of
 from vvvaltr.drivers.links.remote_clock import RemoteClock
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ class Look:
     at_s: float
     pose: Pose | None
     reason: str = ""
+    cure: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,8 @@ class Sight:
         poses: how many different ones were seen.
         rate_hz: how many there were a second, by their own times.
         longest_gap_s: between two of them.
-        lost_share: of the time in which there was no pose, 0 to 1; ``reason`` is the last one for it.
+        lost_share: of the time in which there was no pose, 0 to 1; ``reason`` is the last one for it, and ``cure`` what
+            to do about it, where the tracker knows.
         position_m, yaw_rad: the means.
         noise_m: standard deviation of the position along the axis where it is greatest: at rest, the tracker's noise.
         noise_rad: standard deviation of the yaw.
@@ -53,6 +56,7 @@ class Sight:
         offset_s: the tracker's clock minus this computer's.
         jitter_s: standard deviation of the poses' age on arrival.
         has_heading: whether the angles mean anything.
+        doubts: what the poses of a robot at rest look like that they should not be, and what the tracker remarks.
     """
 
     poses: int
@@ -68,14 +72,8 @@ class Sight:
     offset_s: float
     jitter_s: float
     has_heading: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Problem:
-    """What is wrong with a tracker, and the cure."""
-
-    what: str
-    cure: str
+    cure: str = ""
+    doubts: tuple[Problem, ...] = ()
 
 
 def look(tracker: Tracker, duration_s: float) -> Iterator[Look]:
@@ -85,7 +83,7 @@ def look(tracker: Tracker, duration_s: float) -> Iterator[Look]:
         try:
             yield Look(now_s, tracker.pose())
         except TrackingLost as lost:
-            yield Look(now_s, None, str(lost))
+            yield Look(now_s, None, lost.reason, lost.cure)
         time.sleep(_LOOK_PERIOD_S)
 
 
@@ -105,13 +103,15 @@ def sight(looks: Sequence[Look], tracker: Tracker) -> Sight:
     delays_s = seen_s - times_s
     told = [pose.uncertainty_m for pose in poses if pose.uncertainty_m is not None]
     is_row = len(poses) > 1
+    last_loss = next((seen for seen in reversed(looks) if seen.pose is None), Look(0.0, None))
+    remarks = [Problem(remark, "correct the sender", is_warning=True) for remark in getattr(tracker, "remarks", ())]
     x_m, y_m, z_m = places.mean(axis=0).tolist() if poses else [math.nan] * 3
     return Sight(
         poses=len(poses),
         rate_hz=(len(poses) - 1) / float(times_s[-1] - times_s[0]) if is_row else math.nan,
         longest_gap_s=float(np.diff(times_s).max()) if is_row else math.nan,
         lost_share=sum(seen.pose is None for seen in looks) / len(looks),
-        reason=next((seen.reason for seen in reversed(looks) if seen.pose is None), ""),
+        reason=last_loss.reason,
         position_m=(x_m, y_m, z_m),
         yaw_rad=float(yaws.mean()) if poses else math.nan,
         noise_m=float(places.std(axis=0).max()) if is_row else math.nan,
@@ -120,6 +120,8 @@ def sight(looks: Sequence[Look], tracker: Tracker) -> Sight:
         offset_s=clock.offset_s if isinstance(clock, RemoteClock) else math.nan,
         jitter_s=clock.jitter_s if isinstance(clock, RemoteClock) else _jitter_s(delays_s),
         has_heading=_has_heading(poses, places),
+        cure=last_loss.cure,
+        doubts=(*doubts_of(poses), *remarks),
     )
 
 
@@ -138,11 +140,11 @@ def problems(seen: Sight) -> tuple[Problem, ...]:
     """Return what is wrong with a tracker that was looked at while the robot lay at rest, the worst first."""
     if seen.poses < 2:
         what = seen.reason or "the tracker sends one pose and no more"
-        return (Problem(what, "start the tracker, let it send to this address, show it the robot"),)
-    found = []
+        return (Problem(what, seen.cure or "start the tracker, let it send to this address, show it the robot"),)
+    found = [doubt for doubt in seen.doubts if not doubt.is_warning]
     if seen.lost_share > 0.01:
         what = f"no pose for {100.0 * seen.lost_share:.0f} % of the time: {seen.reason}"
-        found.append(Problem(what, "light the robot evenly, and clear the view of the cameras"))
+        found.append(Problem(what, seen.cure or "light the robot evenly, and clear the view of the cameras"))
     if seen.rate_hz < LEAST_RATE_HZ:
         found.append(Problem(f"{seen.rate_hz:.0f} poses/s", f"let it send {LEAST_RATE_HZ:g} poses/s or more"))
     if seen.longest_gap_s > max(LONGEST_GAP_S, 2.5 / seen.rate_hz):
@@ -159,7 +161,7 @@ def problems(seen: Sight) -> tuple[Problem, ...]:
     if not seen.has_heading:
         what = "the poses have no heading: all angles are 0, or the robot's x axis points up or down"
         found.append(Problem(what, "send yaw_rad, or define the body's axes with x forward and z up"))
-    return tuple(found)
+    return (*found, *(doubt for doubt in seen.doubts if doubt.is_warning))
 
 
 def response_s(robot: HardwareRobot, gait: Gait) -> float:

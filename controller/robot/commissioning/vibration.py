@@ -28,6 +28,17 @@ _GAP = 3.5  # of the usual time between two poses: what is longer spoils the spe
 _LEAST_HZ = 1.0  # slower movement is the robot's walk
 _BINS = 8192
 _SHARE_OF_NYQUIST = 0.96
+_SURE_SHARE = 0.9  # of half the pose rate: up to there no motor is mistaken for a slower one
+
+
+def followed_hz(rate_hz: float) -> float:
+    """Return the fastest vibration that poses at ``rate_hz`` show for what it is."""
+    return _SURE_SHARE * rate_hz / 2.0
+
+
+def needed_rate_hz(frequency_hz: float) -> float:
+    """Return the pose rate, a whole number, that it takes to follow a vibration."""
+    return float(math.ceil(2.0 * frequency_hz / _SURE_SHARE))
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +163,8 @@ def measure_spectrum(poses: list[Pose]) -> Spectrum:
         raise TrackingLost(f"only {len(poses)} poses came, too few for a spectrum; let the tracker send faster")
     t_s = np.array([pose.t_s for pose in poses])
     grid_s = np.linspace(t_s[0], t_s[-1], len(t_s))
-    seen = np.array([_coordinates(pose) for pose in poses])
+    has_markers = len({len(pose.markers_m) for pose in poses}) == 1  # not if one was hidden for a while
+    seen = np.array([_coordinates(pose, has_markers) for pose in poses])
     even = np.stack([np.interp(grid_s, t_s, column) for column in seen.T], axis=1)
     still = even - np.polynomial.polynomial.polyval(grid_s, np.polynomial.polynomial.polyfit(grid_s, even, 1)).T
     scaled = still / (np.std(np.diff(still, axis=0), axis=0) + 1e-12)
@@ -174,6 +186,7 @@ def find_peak(seen: Spectrum, low_hz: float, high_hz: float, like: Peak | None =
     return Peak(float(seen.frequency_hz[line]), math.sqrt(power[line] / np.median(power[~walk])), shape)
 
 
-def _coordinates(pose: Pose) -> list[float]:
+def _coordinates(pose: Pose, has_markers: bool) -> list[float]:
     angles = [pose.yaw_rad, pose.pitch_rad, pose.roll_rad]
-    return [*pose.position_m, *angles, *(value for marker in pose.markers_m for value in marker)]
+    markers = pose.markers_m if has_markers else ()
+    return [*pose.position_m, *angles, *(value for marker in markers for value in marker)]

@@ -43,8 +43,8 @@ class OneOrigin:
         """Return whether the pose is of the body that was asked for."""
         return not self._wanted or told.name == self._wanted
 
-    def conflict(self, told: Told, sender: Address, received_s: float) -> str:
-        """Return why it is not clear which body is the robot, and the cure; empty if it is."""
+    def conflict(self, told: Told, sender: Address, received_s: float) -> tuple[str, str] | None:
+        """Return why it is not clear which body is the robot, and the cure; None if it is."""
         origin = _Origin(sender, told.name)
         self._heard = {other: at_s for other, at_s in self._heard.items() if received_s - at_s < _SILENCE_S}
         if self._ours not in self._heard or self._has_moved(origin, told.sequence):
@@ -55,9 +55,9 @@ class OneOrigin:
             self._sequence = told.sequence
         others = [str(other) for other in self._heard if other != self._ours]
         if not others:
-            return ""
+            return None
         cure = "end one of them" if self._wanted else 'end one of them, or name the robot\'s body, name = "robot"'
-        return f"two senders send poses to one port, {self._ours} and {others[0]}; {cure}"
+        return f"two senders send poses to one port, {self._ours} and {others[0]}", cure
 
     def _has_moved(self, origin: _Origin, sequence: int) -> bool:
         """Return whether our sender goes on from another port: some open a socket for each pose."""
@@ -75,8 +75,8 @@ class TwoPlaces:
         self._places_m: deque[Vector] = deque(maxlen=3)
         self._returns_m: deque[float] = deque(maxlen=_JUDGED)
 
-    def conflict(self, position_m: Vector) -> str:
-        """Take in a position; return why it is not clear where the robot is, and the cure; empty if it is."""
+    def conflict(self, position_m: Vector) -> tuple[str, str] | None:
+        """Take in a position; return why it is not clear where the robot is, and the cure; None if it is."""
         if self._places_m:
             *before, last_m = self._places_m
             step_m = math.dist(position_m, last_m)
@@ -85,8 +85,8 @@ class TwoPlaces:
         self._places_m.append(position_m)
         returns_m = [step_m for step_m in self._returns_m if step_m]
         if len(returns_m) <= _MOST_RETURNS:
-            return ""
+            return None
         return (
-            f"the poses jump to and fro by {min(returns_m):.3g} m, as of two bodies; send the robot alone, or "
-            'let the sender name them and write name = "robot"'
+            f"the poses jump to and fro by {min(returns_m):.3g} m, as of two bodies",
+            'send the robot alone, or let the sender name them and write name = "robot"',
         )

@@ -76,8 +76,8 @@ class StreamTracker:
         self._axes = Axes(table.unit, table.up, table.yaw_unit)
         self._socket = PoseSocket(table.host, table.port, table.interface)
         self.address = self._socket.address
-        reason = f"no pose has come to {self.address}; start the tracker and let it send there"
-        self._newest = NewestPose(table.age_limit_s, reason)
+        reason, cure = f"no pose has come to {self.address}", "start the tracker and let it send there"
+        self._newest = NewestPose(table.age_limit_s, reason, cure)
         self._origin, self._places = OneOrigin(table.name), TwoPlaces()
         self._datagram, self._sent_s, self._heard_s = b"", -math.inf, -math.inf
         self._keys: set[str] = set()
@@ -126,7 +126,7 @@ class StreamTracker:
         if told.pose is not None and not conflict:
             conflict = self._places.conflict(told.pose.position_m)
         if conflict:
-            self._newest.lose(conflict)
+            self._newest.lose(*conflict)
         elif told.is_gap:
             self._newest.miss("the poses since have no numbers; show the robot to the tracker")
         else:
@@ -141,7 +141,7 @@ class StreamTracker:
         """Note a pose of another body: the reason where none of the robot comes."""
         if received_s - self._heard_s > self._table.age_limit_s:
             other = f"of {told.name[:40]!r}" if told.name else "without a name"
-            self._newest.lose(f"poses come {other}, but none of {self._table.name!r}; correct tracker.name")
+            self._newest.lose(f"poses come {other}, but none of {self._table.name!r}", "correct tracker.name")
 
     def _remark_on(self, keys: tuple[str, ...]) -> None:
         """Warn of keys that look like misspelt ones, each once."""

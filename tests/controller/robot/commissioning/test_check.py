@@ -9,11 +9,13 @@ import os
 import shutil
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
+from relayed import relayed
 
 import vvvaltr.controller.robot.commissioning.calibrate
 from vvvaltr.controller.cli.main import main
@@ -51,7 +53,7 @@ def test_a_sound_robot_passes_every_point(qik: MockProcess, capsys: pytest.Captu
     assert [check for check in data["checks"] if not check["passed"]] == []
     assert (status, data["passed"]) == (0, True)
     assert set(verdicts(data)) == {
-        *("line 1 link", "line 1 watchdog", "tracker"),
+        *("line 1 link", "line 1 watchdog", "tracker", "poses in motion"),
         *(f"motor {number}{what}" for number in (1, 2, 3) for what in ("", " direction")),
     }
 
@@ -135,6 +137,97 @@ def test_the_curve_of_a_motor_with_a_sensor_is_what_it_measures(
     assert status == 0
     assert len(data["curves"]) == 3
     assert all(command == pytest.approx(hz, abs=0.05) for curve in data["curves"] for command, hz in curve)
+
+
+@pytest.fixture(scope="module")
+def spatial_qik(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MockProcess]:
+    with MockProcess("qik", tmp_path_factory.mktemp("spatial") / "port", "--robot", "spatial") as mock:
+        yield mock
+
+
+def every_second(number: int, message: dict[str, Any]) -> dict[str, Any] | None:
+    return message if number % 2 else None
+
+
+def test_a_slow_tracker_passes_with_a_warning_that_names_the_rate_it_would_take(
+    spatial_qik: MockProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with relayed(Path(spatial_qik.greeting.robot_file), tmp_path / "robot.toml", every_second) as path:
+        status, data = answer(capsys, "check", path)
+
+    assert (status, data["passed"]) == (0, True)
+    warnings = {check["name"]: check for check in data["checks"] if check["cure"]}
+    assert set(warnings) == {"motor 1 speed", "motor 2 speed", "motor 3 speed"}
+    assert "25 poses/s show up to 11." in warnings["motor 1 speed"]["detail"]
+    assert "let the tracker send 37 poses/s" in warnings["motor 1 speed"]["cure"]
+
+
+def test_a_slow_tracker_calibrates_up_to_what_it_can_show_and_limits_the_search_to_that(
+    spatial_qik: MockProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with relayed(Path(spatial_qik.greeting.robot_file), tmp_path / "robot.toml", every_second) as path:
+        status, data = answer(capsys, "calibrate", path, "--points", "2", "--seconds", "2")
+
+    assert status == 0
+    assert data["limit_hz"] == pytest.approx(11.25, abs=0.3)
+    robot = load_robot_file(Path(path))
+    for motor in robot.motors:
+        command, frequency_hz = motor.curve[-1]
+        assert frequency_hz == pytest.approx(CURVE.frequency_hz(command), abs=0.3)
+        assert motor.max_hz <= data["limit_hz"]
+    assert robot.range_hz[1] <= data["limit_hz"]
+
+
+def test_a_motor_that_would_be_taken_for_a_slower_one_is_refused_by_name(
+    spatial_qik: MockProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its former curve says 11 Hz at full speed, and it turns at 16.5 Hz, which 25 poses a second show as 8.5 Hz."""
+    right, wrong = "[127.0, 16.5]]", "[127.0, 11.6]]"
+    file = tmp_path / "wrong.toml"
+    text = Path(spatial_qik.greeting.robot_file).read_text(encoding="utf-8")
+    text = text.replace(right, wrong).replace("[80.0, 11.5]", "[80.0, 8.0]").replace("[40.0, 6.0]", "[40.0, 4.2]")
+    text = text.replace("max_hz = 16.5", "max_hz = 11.6").replace("high_hz = 16.0", "high_hz = 11.0")
+    file.write_text(text, encoding="utf-8")
+    with relayed(file, tmp_path / "robot.toml", every_second) as path:
+        before = Path(path).read_bytes()
+        capsys.readouterr()
+        status = main(["calibrate", path, "--points", "2", "--seconds", "2"])
+
+    assert status == 1
+    assert "motor 1 turns faster than 25 poses/s can show" in capsys.readouterr().err
+    assert Path(path).read_bytes() == before
+
+
+def test_poses_that_look_like_something_else_are_named_with_the_key_to_set(
+    qik: MockProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def millimetres(_: int, message: dict[str, Any]) -> dict[str, Any]:
+        return {**message, "position_m": [1000.0 * x_m for x_m in message["position_m"]]}
+
+    with relayed(Path(qik.greeting.robot_file), tmp_path / "robot.toml", millimetres) as path:
+        _, data = answer(capsys, "check", path)
+    tracker = next(check for check in data["checks"] if check["name"] == "tracker")
+    assert not tracker["passed"]
+    assert tracker["cure"] == 'if it is millimetres, set unit = "mm"'
+
+    with relayed(Path(qik.greeting.robot_file), tmp_path / "robot.toml", millimetres, 'unit = "mm"') as path:
+        _, data = answer(capsys, "track", path, "--duration", "1")
+    assert data["problems"] == []
+    assert 0.0 < data["position_m"][2] < 0.2
+
+
+def test_a_body_that_is_not_seen_any_more_is_found_while_the_motors_turn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with MockProcess("node", tmp_path / "node") as node:
+        node.inject(Fault(kind=Kind.FREEZE, at_s=0.0, duration_s=60.0))
+        status, data = answer(capsys, "check", node.greeting.robot_file)
+
+    assert status == 1
+    found = {check["name"]: check for check in data["checks"]}
+    assert "show the robot to the tracker" in found["poses"]["cure"]
+    assert not found["poses in motion"]["passed"]
+    assert "to the last digit" in found["poses in motion"]["detail"]
 
 
 def test_one_motor_whose_watchdog_is_off_fails_the_line(

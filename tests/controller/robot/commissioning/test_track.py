@@ -81,6 +81,59 @@ def test_each_fault_of_a_tracker_is_told_with_its_cure() -> None:
     assert "x forward and z up" in told(steep)
 
 
+def test_what_the_poses_look_like_is_told_with_the_key_to_set() -> None:
+    def at(*position_m: float, yaw_rad: float = 1.0) -> str:
+        return told(
+            [
+                replace(
+                    seen,
+                    pose=replace(
+                        seen.pose,
+                        position_m=tuple(x + 1e-4 * math.sin(n) for x in position_m),
+                        yaw_rad=yaw_rad + 0.01 * math.sin(n) * yaw_rad,
+                    ),
+                )
+                for n, seen in enumerate(looks())
+            ]
+        )
+
+    assert at(0.1, 0.2, 0.06) == ""
+    assert 'set unit = "mm"' in at(100.0, 200.0, 60.0)
+    assert 'set unit = "cm"' in at(10.0, 20.0, 6.0)
+    assert 'set unit = "cm"' in at(10.0, 20.0, 3.0)
+    assert 'set up = "y"' in at(0.1, 0.06, -0.2)
+    assert 'set up = "y"' in at(0.1, 0.06, 0.9)
+    assert 'set yaw_unit = "deg"' in at(0.1, 0.2, 0.06, yaw_rad=57.0)
+
+
+def test_poses_that_are_the_same_to_the_last_digit_are_a_warning() -> None:
+    held = [replace(seen, pose=replace(seen.pose, position_m=(0.1, 0.2, 0.03), yaw_rad=0.5)) for seen in looks()]
+    (problem,) = problems(sight(held, NoClock()))
+    assert problem.is_warning and "to the last digit" in problem.what
+
+
+def test_two_bodies_are_told_with_the_cure() -> None:
+    both = [
+        replace(seen, pose=replace(seen.pose, position_m=(0.5 * (seen.pose.t_s // 0.01 % 2), 0.2, 0.03)))
+        for seen in looks()
+    ]
+    assert "let the tracker see one body alone" in told(both)
+
+
+def test_what_the_tracker_remarks_is_a_warning() -> None:
+    class Remarking:
+        remarks = ("the poses have a key 'yaw', which is not known (did you mean yaw_rad?)",)
+
+    (problem,) = problems(sight(looks(), Remarking()))
+    assert problem.is_warning and "yaw_rad" in problem.what
+
+
+def test_the_cure_of_a_loss_is_the_trackers_own_where_it_knows_one() -> None:
+    lost = [Look(0.001 * step, None, "two senders send poses to one port, A and B", "end one") for step in range(100)]
+    (problem,) = problems(sight(lost, NoClock()))
+    assert problem.cure == "end one"
+
+
 def test_a_planar_robot_that_only_pitches_has_a_heading() -> None:
     rolling = [replace(seen, pose=replace(seen.pose, yaw_rad=0.0, pitch_rad=0.01)) for seen in looks()]
 
