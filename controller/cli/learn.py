@@ -22,10 +22,14 @@ from vvvaltr.controller.cli.options import (
 )
 from vvvaltr.controller.cli.rerun_extra import has_rerun, require_rerun
 from vvvaltr.controller.cli.telling import bar, say, say_above
-from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.errors import NotUnderstood, UserError
+from vvvaltr.controller.core.records import EventKind
 
 if TYPE_CHECKING:
+    from tqdm import tqdm
+
     from vvvaltr.controller.core.protocols import Observer
+    from vvvaltr.controller.core.records import Event, LoggedTrial
     from vvvaltr.controller.runs.run import RunDirectory
     from vvvaltr.controller.view.recording import LiveView
 
@@ -43,6 +47,8 @@ def _add_arguments(parser: ArgumentParser) -> None:
                        help="range of frequencies to search, in Hz; negative is reverse")  # fmt: skip
     group.add_argument("--confirm", type=_gaits_by_repeats, metavar="KxR",
                        help="repeat the K most promising gaits R times each, in the last K*R trials")  # fmt: skip
+    group.add_argument("--reference", metavar="GAIT:N",
+                       help="drive GAIT every N trials, to see whether the robot has changed")  # fmt: skip
     group.add_argument("--stop-when", dest="stop_below_mm_s", type=number(above=0), metavar="MM_S",
                        help="end the search when the expected gain of a trial falls below this, in mm/s")  # fmt: skip
     group = parser.add_argument_group("run")
@@ -89,6 +95,16 @@ def _execute(arguments: Namespace) -> Answer:
     return Answer(_prose(result), result)
 
 
+def _reference(text: str) -> tuple[tuple[float, ...], int]:
+    """Return the gait and the number of trials that ``12,-14,9:5`` says. Raises NotUnderstood or UserError."""
+    from vvvaltr.controller.cli.gaits import read_gait
+
+    gait, _, every = text.rpartition(":")
+    if not gait or not every.isdecimal() or not int(every):
+        raise NotUnderstood(f"--reference {text!r} is not GAIT:N, as in 12,-14,9:5 or runs/flat:5")
+    return read_gait(gait).frequency_hz, int(every)
+
+
 _KEYS = ("method", "seed", "trials", "duration_s", "score", "optimise", "range_hz", "confirm", "heading_limit_rad")
 
 
@@ -98,6 +114,8 @@ def _asked(arguments: Namespace) -> dict[str, Any]:
     for key in _KEYS:
         if (value := getattr(arguments, key)) is not None:
             asked[key] = value
+    if arguments.reference is not None:
+        asked["reference_hz"], asked["reference_every"] = _reference(arguments.reference)
     if arguments.stop_below_mm_s is not None:
         asked["stop_below_m_s"] = arguments.stop_below_mm_s / 1000.0
     if arguments.source:
@@ -118,14 +136,31 @@ def _learn(run: RunDirectory, observers: Sequence[Observer], arguments: Namespac
         progress = stack.enter_context(
             bar(arguments, total=run.config.trials, initial=done, unit="trial", desc="learning")
         )
-        for logged in run.learn(observers):
+        for logged in run.learn([*observers, _Warnings(progress)]):
             if logged.score is None:
                 say_above(progress, f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}")
             else:
+                if logged.review.is_suspect:
+                    say_above(progress, f"trial {logged.trial.number} is suspect: {logged.review.suspicion}")
                 if logged.trial.reason:
                     say_above(progress, f"trial {logged.trial.number} was cut short: {logged.trial.reason}")
                 progress.set_postfix_str(f"{1000 * logged.score:.1f} mm/s", refresh=False)
                 progress.update()
+
+
+class _Warnings:
+    """The observer that tells warnings, but for failed trials, which the loop tells."""
+
+    def __init__(self, progress: tqdm[Any]) -> None:
+        self._progress = progress
+
+    def on_trial(self, logged: LoggedTrial) -> None:
+        """Do nothing: the loop tells of trials."""
+
+    def on_event(self, event: Event) -> None:
+        """Tell a warning."""
+        if event.kind is EventKind.WARNING and not event.text.startswith("trial "):
+            say_above(self._progress, event.text)
 
 
 def _live_view(run: RunDirectory, arguments: Namespace) -> LiveView:
@@ -156,6 +191,9 @@ def _prose(result: dict[str, Any]) -> str:
         f"run        {result['run']}",
         f"view it    vvvaltr view {result['run']}" + ("" if has_rerun() else ' (needs pip install "vvvaltr[rerun]")'),
     )
+    if lost := result.get("lost_strength"):
+        change = f"from trial {lost['since_trial']} on the robot moved {lost['factor']:.2f} times as far"
+        lines = (*lines, f"strength   {change}: battery, springs, floor?")
     return "\n".join(lines)
 
 

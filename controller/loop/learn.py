@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 
 from vvvaltr.controller.core.ask_tell import complete, last_fit, tell_history
@@ -11,6 +11,7 @@ from vvvaltr.controller.core.errors import NothingToRecommend, UserError
 from vvvaltr.controller.core.protocols import AskTell, Observer, Optimizer, Robot
 from vvvaltr.controller.core.records import EventKind, LoggedTrial
 from vvvaltr.controller.core.values import Gait, Outcome, Phase, Recommendation, Source, Suggestion, Trial
+from vvvaltr.controller.loop.causes import StrengthWatch, fault_standing_motor, review_speed, since_reference, to_repeat
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.observing import Followers
 from vvvaltr.controller.loop.scoring import score
@@ -30,6 +31,9 @@ class Budget:
         score_name: name of the score.
         confirm: number of promising gaits to repeat at the end, and greatest number of repeats of each: they are driven
             in turns, and no more once one of them is better than the others with a confidence of 95 %.
+        reference: a gait that is driven again and again, to see whether the robot has changed; None for none. Its
+            trials come on top of ``trials``.
+        reference_every: number of trials of the search between two of its trials.
         stop_below: the search ends early when the next trial is expected to gain less than this, in the score's unit.
 
     Raises:
@@ -40,6 +44,8 @@ class Budget:
     score_name: str = "net"
     confirm: tuple[int, int] = (0, 0)
     stop_below: float = 0.0
+    reference: Gait | None = None
+    reference_every: int = 5
 
     def __post_init__(self) -> None:
         if self.search_trials < 1:
@@ -84,8 +90,11 @@ def learn(
     followers = Followers(observers)
     followers.announce(EventKind.BEGIN, f"{len(history)} trials made, {budget.trials} valid ones wanted")
     try:
+        strength = StrengthWatch(history)
         for logged in _make_trials(robot, plan, settings, record, history):
             followers.show(logged)
+            if logged.score is not None and (news := strength.look(plan.trials)):
+                followers.announce(EventKind.WARNING, news)
             yield logged
     except BaseException as error:
         followers.announce(EventKind.END, _describe_end(error))
@@ -107,7 +116,7 @@ def _make_trials(
         if (suggestion := plan.next()) is None:
             return
         try:
-            trial = run_trial(robot, suggestion.gait, settings, number)
+            trial = fault_standing_motor(run_trial(robot, suggestion.gait, settings, number))
         except TrialCrashed as crash:
             logged = complete_record(suggestion, crash.trial)
             record(logged)
@@ -124,6 +133,7 @@ class _Plan:
     """Chooses the next gait, in the search and then in the confirmation, and learns from its trial."""
 
     def __init__(self, optimizer: Optimizer, budget: Budget) -> None:
+        self.trials: list[LoggedTrial] = []
         self._optimizer = optimizer
         self._budget = budget
         self._searched = 0
@@ -138,13 +148,19 @@ class _Plan:
         if searched < len(history):
             self._begin_confirmation()
             tell_history(self._optimizer, history, already=searched)
+        self.trials = list(history)
         for logged in history:
             if logged.score is not None:
                 self._count(logged.suggestion, logged.score)
 
     def next(self) -> Suggestion | None:
         """Return the next suggestion; None at the end of the run."""
+        if self._finalists is None and (gait := to_repeat(self.trials)) is not None:
+            return Suggestion(gait, "repeats a suspect trial", phase=Phase.ASKED)
         if self._finalists is None and not self._is_search_over():
+            reference = self._budget.reference
+            if reference is not None and since_reference(self.trials) >= self._budget.reference_every:
+                return Suggestion(reference, "reference", phase=Phase.REFERENCE)
             return self._optimizer.ask()
         finalists = self._begin_confirmation()
         if len(self._confirmed) == len(finalists) * self._budget.confirm[1] or self._is_decided(len(finalists)):
@@ -155,11 +171,16 @@ class _Plan:
     def judge(self, suggestion: Suggestion, trial: Trial) -> LoggedTrial:
         """Return the record of a trial; a valid one is scored and learned from first."""
         if not trial.outcome.is_valid:
-            return complete_record(suggestion, trial)
+            return self._keep(complete_record(suggestion, trial))
         speed_m_s = score(trial, self._budget.score_name)
         self._optimizer.tell(trial.gait, speed_m_s)
         self._count(suggestion, speed_m_s)
-        return complete_record(suggestion, trial, speed_m_s, self._recommend(), last_fit(self._optimizer))
+        logged = complete_record(suggestion, trial, speed_m_s, self._recommend(), last_fit(self._optimizer))
+        return self._keep(replace(logged, review=review_speed(trial.gait, speed_m_s, self.trials)))
+
+    def _keep(self, logged: LoggedTrial) -> LoggedTrial:
+        self.trials.append(logged)
+        return logged
 
     def _is_search_over(self) -> bool:
         if self._searched >= self._budget.search_trials:

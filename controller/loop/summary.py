@@ -8,6 +8,7 @@ from typing import Any
 
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Recommendation
+from vvvaltr.controller.loop.causes import find_loss_in
 
 
 def summarise(trials: Sequence[LoggedTrial]) -> dict[str, Any]:
@@ -15,7 +16,10 @@ def summarise(trials: Sequence[LoggedTrial]) -> dict[str, Any]:
     valid = [logged for logged in trials if logged.score is not None]
     best = max(valid, key=lambda logged: logged.score or 0.0, default=None)
     recommendation = valid[-1].recommendation if valid else None
+    loss = find_loss_in(trials)
+    lost = {"lost_strength": {"since_trial": loss[1], "factor": loss[0].factor}} if loss else {}
     return {
+        **lost,
         "trials": len(trials),
         "outcomes": dict(Counter(logged.trial.outcome.value for logged in trials)),
         "best_observed": best

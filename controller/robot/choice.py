@@ -14,6 +14,8 @@ _OPTIONS = {
     "sources": "--source",
     "duration_s": "--duration",
     "range_hz": "--range",
+    "reference_hz": "--reference",
+    "reference_every": "--reference",
     "stop_below_m_s": "--stop-when",
 }
 

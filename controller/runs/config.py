@@ -23,7 +23,13 @@ CONFIG_NAME = "run.toml"
 FORMAT = 2
 """Format of `run.toml`. Format 1, of version 0.1, counts springs, struts and motors from 0; this one from 1."""
 
-_BOUNDS = {"seed": (0, math.inf), "trials": (1, math.inf), "duration_s": (0.1, 3600), "stop_below_m_s": (0, math.inf)}
+_BOUNDS = {
+    "seed": (0, math.inf),
+    "trials": (1, math.inf),
+    "reference_every": (0, math.inf),
+    "duration_s": (0.1, 3600),
+    "stop_below_m_s": (0, math.inf),
+}
 
 
 class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=False):
@@ -41,6 +47,8 @@ class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
         range_hz: lowest and highest frequency that the search gives to a motor.
         confirm: number of promising gaits that the last trials repeat, and number of repeats of each.
         stop_below_m_s: the search ends when the next trial is expected to gain less than this.
+        reference_hz: gait that is driven again and again; empty for none.
+        reference_every: number of trials of the search between two of its trials.
         heading_limit_rad: greatest change of heading, infinite for any; None in a run of version 0.1, for 1 rad on a
             twin and what the robot's file says on a real robot.
         format: version of the file's layout.
@@ -58,6 +66,8 @@ class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
     confirm: tuple[int, int] = (0, 0)
     stop_below_m_s: float = 0.0
     heading_limit_rad: float | None = None
+    reference_hz: tuple[float, ...] = ()
+    reference_every: int = 0
     format: int = FORMAT
 
 

@@ -164,7 +164,9 @@ def build_optimizer(config: RunConfig, motor_count: int, sources: Sequence[Sourc
 
 def _make_budget(config: RunConfig) -> Budget:
     with one_line_errors():
-        return Budget(config.trials, config.score, config.confirm, config.stop_below_m_s)
+        reference = Gait(config.reference_hz) if config.reference_hz else None
+        every = config.reference_every or 1
+        return Budget(config.trials, config.score, config.confirm, config.stop_below_m_s, reference, every)
 
 
 def _heading_limit_rad(config: RunConfig, rig: Rig) -> float | None:
@@ -236,5 +238,10 @@ def _check_motors(config: RunConfig, rig: Rig, spell: Callable[[str], str]) -> N
             rig.robot.limits.check(Gait((frequency_hz,) * motors.motor_count))
     except ValueError as error:
         raise ValueError(f"{spell('range_hz')}: {error}") from None
+    if config.reference_hz:
+        try:
+            rig.robot.limits.check(Gait(config.reference_hz))
+        except ValueError as error:
+            raise ValueError(f"{spell('reference_hz')}: {error}") from None
     if unable := set(config.optimise) - motors.quantities:
         raise ValueError(f"{spell('optimise')}: the motors of {config.robot.name} cannot set their {min(unable)}")

@@ -13,6 +13,7 @@ from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, Outcome, Phase, Suggestion
+from vvvaltr.controller.loop.causes import fault_standing_motor
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
@@ -143,7 +144,7 @@ def _try_until_valid(
     suggestion = Suggestion(contest.gaits[index], "comparison", phase=Phase.ASKED)
     for failures in range(1, _FAILURES_IN_A_ROW + 1):
         try:
-            trial = run_trial(robot, suggestion.gait, settings, next(numbers))
+            trial = fault_standing_motor(run_trial(robot, suggestion.gait, settings, next(numbers)))
         except TrialCrashed as crash:
             record(complete_record(suggestion, crash.trial))
             raise

@@ -1,0 +1,106 @@
+"""What a run's own trials say of why they scatter: motors that stood still, and a robot that lost strength."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vvvaltr.controller.core.records import LoggedTrial, Review
+from vvvaltr.controller.core.values import Gait, Outcome, Phase, Trial
+from vvvaltr.transfer.causes.standing import describe_standing, is_far_below
+from vvvaltr.transfer.causes.strength import Loss, find_loss
+
+_TURNS = 0.2  # share of its commanded frequency below which a motor does not turn
+_COMMANDED_HZ = 2.0  # below which a motor need not start
+_RECENT = 60  # trials that are searched for a loss
+_SAME_LOSS = 5  # trials by which the start of one loss may shift as more is known
+_STANDS_FOR = 0.3  # share of a drive's second half in which it must stand
+
+
+def fault_standing_motor(trial: Trial) -> Trial:
+    """Return the trial as faulted if the device measured that a motor did not turn in it; else the trial itself.
+
+    The second half of the drive counts: motors have spun up by then, and one that stopped has stopped.
+    """
+    states = [state for state in trial.states if state.t_s > 0.5 * trial.duration_s]
+    if not trial.outcome.is_valid or not states or not all(state.measured for state in states):
+        return trial
+    measured_hz = np.abs([state.frequency_hz for state in states])
+    for motor, hz in enumerate(trial.gait.frequency_hz):
+        stood = measured_hz[:, motor] < _TURNS * abs(hz)
+        if abs(hz) >= _COMMANDED_HZ and stood.mean() > _STANDS_FOR:
+            reason = f"motor {motor + 1} did not turn at {hz:.1f} Hz, its device says; check its wires and its board"
+            return replace(trial, outcome=Outcome.FAULTED, reason=reason)
+    return trial
+
+
+def review_speed(gait: Gait, speed_m_s: float, history: Sequence[LoggedTrial]) -> Review:
+    """Return what is said of a trial whose gait was driven before: suspect if it is far below those trials."""
+    before = speeds_of(gait, history)
+    if not is_far_below(speed_m_s, before):
+        return Review()
+    told = describe_standing([*before, speed_m_s])
+    text = f"far below what the gait did before, did a motor stand still? it has {told}"
+    return Review(is_suspect=True, suspicion=text)
+
+
+def to_repeat(history: Sequence[LoggedTrial]) -> Gait | None:
+    """Return the gait of a suspect trial, to be driven once more at once, unless that has been done."""
+    valid = [logged for logged in history if logged.score is not None]
+    if not valid or not valid[-1].review.is_suspect:
+        return None
+    if len(valid) > 1 and valid[-2].review.is_suspect and valid[-2].trial.gait == valid[-1].trial.gait:
+        return None
+    return valid[-1].trial.gait
+
+
+def speeds_of(gait: Gait, history: Sequence[LoggedTrial]) -> list[float]:
+    """Return the scores of a gait's valid trials."""
+    return [logged.score for logged in history if logged.score is not None and logged.trial.gait == gait]
+
+
+def find_loss_in(history: Sequence[LoggedTrial]) -> tuple[Loss, int] | None:
+    """Return the loss of strength that a run's trials tell, and the number of the first trial with it."""
+    valid = [logged for logged in history if logged.score is not None][-_RECENT:]
+    if len(valid) < 4:
+        return None
+    frequency_hz = np.array([logged.trial.gait.frequency_hz for logged in valid])
+    span_hz = max(float(np.ptp(frequency_hz)), 1e-9)
+    loss = find_loss(frequency_hz / span_hz, [abs(logged.score or 0.0) for logged in valid])
+    return None if loss is None or not loss.is_told else (loss, valid[loss.since].trial.number)
+
+
+def since_reference(history: Sequence[LoggedTrial]) -> int:
+    """Return how many valid trials of the search followed the last one of the reference gait, or the start."""
+    count = 0
+    for logged in reversed(history):
+        if logged.suggestion.phase is Phase.REFERENCE and logged.score is not None:
+            break
+        count += logged.suggestion.phase is Phase.SEARCH and logged.score is not None
+    return count
+
+
+class StrengthWatch:
+    """Tells a loss of strength once, when it has become certain."""
+
+    def __init__(self, history: Sequence[LoggedTrial]) -> None:
+        found = find_loss_in(history)
+        self._told_since = found[1] if found else 0
+
+    def look(self, history: Sequence[LoggedTrial]) -> str:
+        """Return what to tell after the last trial; empty for nothing new."""
+        found = find_loss_in(history)
+        if found is None or found[1] <= self._told_since + _SAME_LOSS:
+            return ""
+        loss, self._told_since = found
+        return describe_loss(loss, self._told_since)
+
+
+def describe_loss(loss: Loss, since: int) -> str:
+    """Return a loss in words; ``since`` is the number of the first trial with it."""
+    return (
+        f"from trial {since} on the robot moves {loss.factor:.2f} times as far as before "
+        f"({100.0 * loss.probability:.0f} % certain): battery, springs, floor?"
+    )

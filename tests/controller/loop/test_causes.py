@@ -1,0 +1,139 @@
+from dataclasses import replace
+
+import numpy as np
+
+from vvvaltr.controller.core.records import EventKind, LoggedTrial
+from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Phase, Suggestion, Trial
+from vvvaltr.controller.loop.causes import StrengthWatch, fault_standing_motor, review_speed, to_repeat
+from vvvaltr.controller.loop.learn import Budget, learn
+from vvvaltr.controller.loop.trial_runner import TrialSettings
+from vvvaltr.twin.presets import planar_robot
+
+GAIT, OTHER = Gait((12.0, -14.0, 0.0)), Gait((9.0, 9.0, 9.0))
+LIVELY = Gait((12.0, 14.0, 16.0))
+SHORT = TrialSettings(duration_s=0.6)
+
+
+def trial(*frequency_hz, number=1, measured=True, gait=GAIT):
+    states = tuple(MotorState(0.1 * k, frequency_hz, measured) for k in range(1, 11))
+    return Trial(number, gait, Outcome.COMPLETED, "", 0.0, 1.0, states=states)
+
+
+def logged(speed_m_s, number, history=(), gait=GAIT):
+    review = review_speed(gait, speed_m_s, history)
+    return LoggedTrial(Suggestion(gait, "test"), trial(number=number, gait=gait), speed_m_s, None, review=review)
+
+
+def run_of(*speeds_m_s):
+    history = []
+    for number, speed_m_s in enumerate(speeds_m_s, start=1):
+        history.append(logged(speed_m_s, number, tuple(history)))
+    return history
+
+
+def test_a_motor_that_its_device_measures_at_rest_faults_the_trial_and_is_named():
+    stood = fault_standing_motor(trial(12.0, 0.1, 0.0))
+
+    assert stood.outcome is Outcome.FAULTED
+    assert stood.reason.startswith("motor 2 did not turn at -14.0 Hz")
+
+
+def test_a_trial_whose_motors_turn_or_are_not_measured_is_left_alone():
+    for fine in (trial(12.0, -13.9, 0.0), trial(12.0, 0.0, 0.0, measured=False), replace(trial(), states=())):
+        assert fault_standing_motor(fine) is fine
+
+
+def test_a_trial_far_below_the_gaits_others_is_suspect_in_words_and_is_repeated_once():
+    history = run_of(0.100, 0.110, 0.008)
+
+    assert history[-1].review.is_suspect
+    assert "moved in 2 of 3 trials" in history[-1].review.suspicion
+    assert to_repeat(history) == GAIT
+    assert to_repeat([*history, logged(0.105, 4, history)]) is None
+    assert to_repeat([*history, logged(0.009, 4, history)]) is None
+    assert to_repeat(run_of(0.100, 0.110)) is None
+
+
+def test_a_first_trial_is_never_suspect():
+    assert not review_speed(GAIT, 0.0, [logged(0.1, 1, gait=OTHER)]).is_suspect
+
+
+def test_a_loss_of_strength_is_told_once_in_words():
+    random = np.random.default_rng(0)
+    speeds = [0.1 * (0.5 if k >= 12 else 1.0) * float(np.exp(random.normal(0.0, 0.08))) for k in range(22)]
+    history = run_of(*speeds)
+    watch = StrengthWatch(history[:8])
+
+    told = [text for n in range(9, 23) if (text := watch.look(history[:n]))]
+
+    assert len(told) == 1
+    assert told[0].startswith("from trial 13 on the robot moves 0.")
+    assert "battery, springs, floor?" in told[0]
+
+
+def test_a_run_repeats_a_gait_whose_motor_stood_still_and_learns_from_none_of_it():
+    robot = planar_robot(seed=1, scatter="careful:not_starting=0.25")
+    optimizer = Fixed()
+    made = list(learn(robot, optimizer, TrialSettings(duration_s=1.2), Budget(6), lambda _: None))
+
+    faulted = [it for it in made if it.trial.outcome is Outcome.FAULTED]
+    assert faulted and all("did not turn" in it.trial.reason for it in faulted)
+    assert optimizer.told == 6 == sum(it.score is not None for it in made)
+
+
+def test_the_reference_comes_after_every_so_many_trials_of_the_search_and_on_top_of_them():
+    reference = Gait((10.0, 10.0, 10.0))
+    budget = Budget(7, reference=reference, reference_every=3)
+    made = list(learn(planar_robot(seed=1), Fixed(), SHORT, budget, lambda _: None))
+
+    phases = [it.suggestion.phase for it in made]
+    assert phases == [Phase.SEARCH] * 3 + [Phase.REFERENCE] + [Phase.SEARCH] * 3 + [Phase.REFERENCE, Phase.SEARCH]
+    assert {it.trial.gait for it in made if it.suggestion.phase is Phase.REFERENCE} == {reference}
+
+
+def test_a_resumed_run_goes_on_with_the_reference_where_it_was():
+    budget = Budget(7, reference=OTHER, reference_every=3)
+    whole = list(learn(planar_robot(seed=1), Fixed(), SHORT, budget, lambda _: None))
+    rest = list(learn(planar_robot(seed=1), Fixed(), SHORT, budget, lambda _: None, history=whole[:5]))
+
+    assert [it.trial.gait for it in rest] == [it.trial.gait for it in whole[5:]]
+
+
+def test_a_robot_that_loses_strength_makes_the_run_warn():
+    robot = planar_robot(seed=5, scatter="careful:drift=0,fade=0")
+    events = []
+
+    class Listener:
+        def on_trial(self, logged):
+            if logged.trial.number == 10:
+                robot._scatter = replace(robot._scatter, step=1.0, step_factor=0.8, fade=0.0)
+
+        def on_event(self, event):
+            events.append(event)
+
+    list(learn(robot, Fixed(), SHORT, Budget(16), lambda _: None, observers=[Listener()]))
+    warnings = [event.text for event in events if event.kind is EventKind.WARNING]
+    assert any("the robot moves 0." in text for text in warnings)
+
+
+class Fixed:
+    """An optimiser that always asks for one gait."""
+
+    def __init__(self, gait=LIVELY):
+        self.gait, self.told = gait, 0
+
+    def ask(self):
+        return Suggestion(self.gait, "fixed")
+
+    def tell(self, gait, score):
+        self.told += 1
+
+
+def test_impossible_references_are_refused(capsys, tmp_path):
+    from vvvaltr.controller.cli.main import main
+
+    begin = ["learn", "--robot", "planar", "--trials", "3", "--out", str(tmp_path / "r"), "-q"]
+    assert main([*begin, "--reference", "12,14,16"]) == 2
+    assert "is not GAIT:N" in capsys.readouterr().err
+    assert main([*begin, "--reference", "99,14,16:2"]) == 2
+    assert "--reference" in capsys.readouterr().err
