@@ -200,7 +200,7 @@ class Substituted:
         """Is where it is."""
 
     def close(self) -> None:
-        """Do nothing: whoever opened the robot closes it."""
+        """Do nothing: the robot is closed where it was opened."""
 
 
 def rest_after_ms(observed: ObservedDevice, robot: HardwareRobot, failure: Exception | None) -> float:

@@ -47,7 +47,7 @@ def test_a_number_is_an_open_descriptor(tmp_path: Path, capsys: pytest.CaptureFi
     reader, writer = os.pipe()
     try:
         assert main([*QUICK, "--out", str(tmp_path / "run"), "--events", str(writer)]) == 0
-        os.close(writer)  # it is still open: it belongs to whoever opened it
+        os.close(writer)  # it is still open: the program that opened it closes it
         with os.fdopen(reader, "rb", closefd=False) as lines:
             assert [json.loads(line)["event"] for line in lines] == ["begin", "trial", "trial", "trial", "end"]
     finally:

@@ -1,4 +1,4 @@
-"""The planar twin against results of mechanics that hold whoever writes the program."""
+"""The planar twin against results of mechanics that hold for every program."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The spatial twin against results of mechanics that hold whoever writes the program."""
+"""The spatial twin against results of mechanics that hold for every program."""
 
 import math
 from dataclasses import replace
