@@ -3,6 +3,7 @@
 ``floor``: random signed gaits on the spatial twin, a third of the trials repeats, the robot left where it stopped, in
 ``hurried`` with other inclines. The true drift is the mean displacement of ten gaits over four headings each.
 ``strength``: synthetic runs that search and repeat, half of them with a halving; ``laboratory``: a table of repeats.
+``learning``: what Plain-BO recommends under ``careful`` and ``hurried``, by its true speed.
 ``standing``: repeats of one gait some of which stand still, as a laboratory's robot does.
 Each finished run is a line in ``--out``, so that an interrupted benchmark has lost nothing.
 """
@@ -20,15 +21,21 @@ from typing import Any
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.values import Gait, GaitSpace
+from vvvaltr.controller.loop.causes import find_loss_in
+from vvvaltr.controller.loop.learn import Budget, learn
+from vvvaltr.controller.loop.safety import GuardedRobot, Limits
+from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.transfer.causes.floor import Pieces, cut, learn_drift
 from vvvaltr.transfer.causes.standing import find_standing
 from vvvaltr.transfer.causes.strength import find_loss
+from vvvaltr.transfer.methods.registry import make_optimizer
 from vvvaltr.twin.engine import Start
 from vvvaltr.twin.presets import TWINS
-from vvvaltr.twin.scatter import Scatter
+from vvvaltr.twin.scatter import Scatter, parse_scatter
 
 SETTINGS = TrialSettings(duration_s=5.0)
 LOOKS = (5, 10, 20)
@@ -157,6 +164,48 @@ def run_standing(cv: float, seed: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def run_learning(twin: str, scatter: str, seed: int) -> dict[str, Any]:
+    """Return the true speeds in m/s of what Plain-BO recommends after 20 and 40 trials under a scatter."""
+    preset = TWINS[twin]
+    robot = preset.make(seed=seed, scatter=scatter)
+    high_hz = robot.range_hz[1]
+    space = GaitSpace.over(robot.motors.motor_count, -high_hz, high_hz)
+    trials: list[LoggedTrial] = []
+    guarded = GuardedRobot(robot, Limits(robot.max_hz))
+    for _ in learn(guarded, make_optimizer("plain", space, seed, []), SETTINGS, Budget(40), trials.append):
+        pass
+    valid = [logged for logged in trials if logged.score is not None]
+    level = parse_scatter(scatter, preset.frequency_scatter).level()
+    true_m_s = []
+    for after in (20, 40):
+        recommended = valid[after - 1].recommendation
+        assert recommended is not None
+        fresh = preset.make(seed=seed + 10_000, scatter=level)
+        starts = [run_trial(fresh, recommended.gait, SETTINGS, number) for number in range(1, 7)]
+        true_m_s.append(float(np.mean([score(trial) for trial in starts if trial.outcome.is_valid])))
+    suspects = sum(logged.review.is_suspect for logged in trials)
+    return {
+        "what": "learning", "twin": twin, "scatter": scatter, "seed": seed, "true_m_s": true_m_s, "suspects": suspects,
+        "trials": len(trials), "loss": find_loss_in(trials) is not None,
+    }  # fmt: skip
+
+
+def summarise_learning(rows: list[dict[str, Any]]) -> None:
+    """Print the true speeds under each scatter, and those of ``hurried`` over those of ``careful``."""
+    for twin in {row["twin"] for row in rows}:
+        means = {}
+        for scatter in ("careful", "hurried"):
+            of = np.array([row["true_m_s"] for row in rows if (row["twin"], row["scatter"]) == (twin, scatter)])
+            if not len(of):
+                return
+            means[scatter] = of.mean(axis=0)
+            error = of.std(axis=0, ddof=1) / math.sqrt(len(of)) if len(of) > 1 else np.full(2, np.nan)
+            told = ", ".join(f"{1000 * m:.1f} +- {1000 * e:.1f}" for m, e in zip(means[scatter], error, strict=True))
+            print(f"{twin} {scatter}, {len(of)} runs: true speed after 20 and 40 trials {told} mm/s")
+        share = means["hurried"] / means["careful"]
+        print(f"{twin}: hurried reaches {share[0]:.0%} and {share[1]:.0%} of careful", flush=True)
+
+
 def summarise_floor(rows: list[dict[str, Any]], truth: dict[tuple[str, float], float]) -> None:
     """Print a line for each body, incline and number of trials."""
     for body, incline_rad in truth:
@@ -177,8 +226,9 @@ def summarise_floor(rows: list[dict[str, Any]], truth: dict[tuple[str, float], f
 def main() -> None:
     """Run one part, and print what was found."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", choices=["floor", "strength", "standing", "laboratory"])
+    parser.add_argument("part", choices=["floor", "strength", "standing", "laboratory", "learning"])
     parser.add_argument("--seeds", type=int, nargs=2, default=[1000, 1010], metavar=("FIRST", "END"))
+    parser.add_argument("--twin", default="planar", help="of the part learning")
     parser.add_argument("--bodies", nargs="+", default=["prism3", "icosahedron6"])
     parser.add_argument("--inclines", nargs="+", type=float, default=[0.0, 0.02, 0.05])
     parser.add_argument("--csv", type=Path, help="a laboratory's repeats, for the part laboratory")
@@ -217,6 +267,11 @@ def main() -> None:
                 f"{within:.0%} (median delay {np.median(delays):g}); false alarms in {len(early)} of {len(of)} runs; "
                 f"factor within 20 % in {near:.0%}"
             )
+    elif arguments.part == "learning":
+        for seed in seeds:
+            for scatter in ("careful", "hurried"):
+                keep(run_learning(arguments.twin, scatter, seed))
+            summarise_learning(rows)
     elif arguments.part == "standing":
         for cv in (0.1, 0.2, 0.3, 0.4):
             of = [run_standing(cv, seed) for seed in seeds]
