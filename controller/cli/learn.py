@@ -20,14 +20,13 @@ from vvvaltr.controller.cli.options import (
     score_details,
     whole,
 )
+from vvvaltr.controller.cli.progress import TrialProgress
 from vvvaltr.controller.cli.rerun_extra import has_rerun, require_rerun
-from vvvaltr.controller.cli.telling import bar, say, say_above
+from vvvaltr.controller.cli.telling import say
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.records import EventKind
 
 if TYPE_CHECKING:
-    from tqdm import tqdm
-
     from vvvaltr.controller.core.protocols import Observer
     from vvvaltr.controller.core.records import Event, LoggedTrial
     from vvvaltr.controller.runs.run import RunDirectory
@@ -131,27 +130,19 @@ def _default_directory(asked: dict[str, Any]) -> Path:
 def _learn(run: RunDirectory, observers: Sequence[Observer], arguments: Namespace) -> None:
     done = sum(logged.score is not None for logged in run.trials)
     with ExitStack() as stack:
+        watch = None
         if arguments.live:
-            observers = [*observers, stack.enter_context(closing(_live_view(run, arguments)))]
-        progress = stack.enter_context(
-            bar(arguments, total=run.config.trials, initial=done, unit="trial", desc="learning")
-        )
-        for logged in run.learn([*observers, _Warnings(progress)]):
-            if logged.score is None:
-                say_above(progress, f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}")
-            else:
-                if logged.review.is_suspect:
-                    say_above(progress, f"trial {logged.trial.number} is suspect: {logged.review.suspicion}")
-                if logged.trial.reason:
-                    say_above(progress, f"trial {logged.trial.number} was cut short: {logged.trial.reason}")
-                progress.set_postfix_str(f"{1000 * logged.score:.1f} mm/s", refresh=False)
-                progress.update()
+            view = stack.enter_context(closing(_live_view(run, arguments)))
+            observers, watch = [*observers, view], view.watch
+        progress = stack.enter_context(closing(TrialProgress(arguments, run.config.trials, done)))
+        for logged in run.learn([*observers, _Warnings(progress)], watch):
+            progress.tell(logged)
 
 
 class _Warnings:
     """The observer that tells warnings, but for failed trials, which the loop tells."""
 
-    def __init__(self, progress: tqdm[Any]) -> None:
+    def __init__(self, progress: TrialProgress) -> None:
         self._progress = progress
 
     def on_trial(self, logged: LoggedTrial) -> None:
@@ -160,7 +151,7 @@ class _Warnings:
     def on_event(self, event: Event) -> None:
         """Tell a warning."""
         if event.kind is EventKind.WARNING and not event.text.startswith("trial "):
-            say_above(self._progress, event.text)
+            self._progress.warn(event.text)
 
 
 def _live_view(run: RunDirectory, arguments: Namespace) -> LiveView:

@@ -14,7 +14,7 @@ import msgspec
 
 from vvvaltr.controller.core.disk import new_folder, write_whole
 from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
-from vvvaltr.controller.core.protocols import Observer, Optimizer
+from vvvaltr.controller.core.protocols import Observer, Optimizer, Robot
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity, Source
@@ -98,16 +98,21 @@ class RunDirectory:
         """The contents of the log."""
         return replace(self._head, trials=tuple(self.trials))
 
-    def learn(self, observers: Sequence[Observer] = ()) -> Iterator[LoggedTrial]:
+    def learn(
+        self, observers: Sequence[Observer] = (), watch: Callable[[Robot], Robot] | None = None
+    ) -> Iterator[LoggedTrial]:
         """Make the remaining trials; see ``vvvaltr.controller.loop.learn.learn`` for what is raised.
 
-        ``observers`` are told of each trial once it is in the log and in `summary.json`.
+        Args:
+            observers: told of each trial once it is in the log and in `summary.json`.
+            watch: returns the robot with something put around it that follows it during a trial; None for nothing.
         """
         heading_limit_rad = _heading_limit_rad(self.config, self._rig)
         settings = replace(self._rig.settings, duration_s=self.config.duration_s, heading_limit_rad=heading_limit_rad)
         history, all_observers = tuple(self.trials), [_Summary(self), *observers]
         budget = _make_budget(self.config)
-        return learn(self._rig.robot, self.optimizer, settings, budget, self._record, history, all_observers)
+        robot = watch(self._rig.robot) if watch else self._rig.robot
+        return learn(robot, self.optimizer, settings, budget, self._record, history, all_observers)
 
     def summarise(self) -> dict[str, Any]:
         """Write `summary.json` and return what is in it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -35,3 +36,4 @@ class Canvas:
             times_s, numbers = zip(*whens, strict=True)
             indexes = [rr.TimeColumn("time", duration=times_s), rr.TimeColumn("trial", sequence=numbers)]
             self._recording.send_columns(f"{self.root}/{path}", indexes, columns)
+            time.sleep(0.0)  # lets another thread go on: a live view must not hold up the loop that it shows

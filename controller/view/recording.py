@@ -5,11 +5,13 @@ Rerun is imported where it is needed and never during a trial: the import takes 
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,18 +20,22 @@ from typing import TYPE_CHECKING
 
 from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
 from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.controller.view.canvas import Canvas
 from vvvaltr.controller.view.layout import lay_out, lay_out_side_by_side
 from vvvaltr.controller.view.scene import Scene
 from vvvaltr.controller.view.speed_maps import Belief, Predict
+from vvvaltr.controller.view.watching import Moment, WatchedRobot
 from vvvaltr.controller.view.words import write_about
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 _APPLICATION = "vvvaltr"
+_FRAME_S = 0.1
+_LOGGER = logging.getLogger(__name__)
 _LOCAL = "127.0.0.1"  # nothing is shown to other computers
 
 
@@ -153,6 +159,7 @@ class LiveView:
 
     Attributes:
         url: address for a viewer to connect to.
+        frames: number of times that a running trial was shown.
 
     Raises:
         UserError: no network port is free.
@@ -170,8 +177,35 @@ class LiveView:
         server = rr.GrpcServerSink(bind_ip=_LOCAL, port=port)
         self._recording.set_sinks(server, default_blueprint=lay_out(run, run.trials, space, following=True))
         self._recording.send_recording_name(title)
+        self.frames = 0
+        self._is_over, self._lock = threading.Event(), threading.Lock()
+        self._thread: threading.Thread | None = None
         self._scene = Scene(Canvas(self._recording), run.structure, planned, write_about(run, space is not None))
         self._scene.add(run.trials)
+
+    def watch(self, robot: Robot) -> Robot:
+        """Return the robot with a watch around it, so that it is shown ten times a second while a trial runs."""
+        watched = WatchedRobot(robot)
+        self._thread = threading.Thread(target=self._follow, args=(watched,), name="live view", daemon=True)
+        self._thread.start()
+        return watched
+
+    def _follow(self, robot: WatchedRobot) -> None:
+        shown: Moment | None = None
+        while not self._is_over.wait(_FRAME_S):
+            moment = robot.moment
+            if moment is None or moment is shown:
+                continue
+            try:
+                with self._lock:
+                    self._scene.show_moment(moment)
+            except Exception as error:  # whatever it is, it must not end the run, as with any observer
+                _LOGGER.warning(
+                    "the live view shows trials only when they are over: %s: %s", type(error).__name__, error
+                )
+                return
+            shown = moment
+            self.frames += 1
 
     def open_window(self) -> None:
         """Open a viewer, which stays open when the run ends. Raises UserError where there is no screen."""
@@ -184,6 +218,10 @@ class LiveView:
 
     def on_trial(self, logged: LoggedTrial) -> None:
         """Show one more trial."""
+        with self._lock:
+            self._show(logged)
+
+    def _show(self, logged: LoggedTrial) -> None:
         self._scene.add([logged])
         if self._space is not None and self._predict is not None and logged.score is not None:
             self._scene.add_belief(Belief(logged.trial.number, self._space, self._predict))
@@ -193,6 +231,9 @@ class LiveView:
 
     def close(self) -> None:
         """Send what is left and stop serving. Idempotent."""
+        self._is_over.set()
+        if self._thread is not None:
+            self._thread.join()
         with suppress(RuntimeError):  # the server is gone, and with it every viewer
             self._recording.flush()
         self._recording.disconnect()

@@ -21,6 +21,7 @@ from vvvaltr.controller.view.scene_forces import list_force_columns
 from vvvaltr.controller.view.scene_goals import send_goals
 from vvvaltr.controller.view.scene_styles import send_ground, send_motor_style, send_speed_styles, send_world_styles
 from vvvaltr.controller.view.speed_maps import Belief, send_map_frames, send_maps
+from vvvaltr.controller.view.watching import Moment
 from vvvaltr.controller.view.words import describe, write_result, write_table
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ class Scene:
         self._ends: list[When] = []
         self._axes: Axes | None = None
         self._map_range_mm_s: tuple[float, float] | None = None
+        self._named_motors = 0
         self._begin_ns: int | None = None
         self._end_ns = 0
         send_world_styles(canvas, structure)
@@ -100,6 +102,22 @@ class Scene:
             self._send_texts(placed)
             self._send_chart(placed)
             send_goals(self._canvas, [(it.begin, it.logged) for it in placed])
+
+    def show_moment(self, moment: Moment) -> None:
+        """Send the last reading of a trial that still runs; the trial itself follows by ``add``."""
+        begin_ns = max(round(moment.started_unix_s * 1e9), self._end_ns)
+        begin_s = 0.0 if self._begin_ns is None else (begin_ns - self._begin_ns) / 1e9
+        if moment.drive_s is None:
+            return
+        if moment.pose is not None:
+            self._send_poses([((begin_s + max(0.0, moment.pose.t_s - moment.drive_s), moment.trial), moment.pose)])
+        if moment.asked is None or moment.state is None:
+            return
+        when = begin_s + max(0.0, moment.state.t_s - moment.drive_s), moment.trial
+        self._name_motors(moment.asked.motor_count)
+        for name, series in (("commanded", moment.asked.frequency_hz), ("applied", moment.state.frequency_hz)):
+            for motor, frequency_hz in enumerate(series, start=1):
+                self._send_scalars(f"motors/{motor}/{name}", [when], [frequency_hz])
 
     def add_belief(self, belief: Belief) -> None:
         """Send the maps of what was believed after a trial that was sent before."""
@@ -135,14 +153,18 @@ class Scene:
         self._canvas.send("world/label", begins, rr.Points3D.columns(positions=places, labels=labels))
 
     def _send_robot(self, placed: Sequence[_Placed]) -> None:
+        self._send_poses(
+            [
+                ((it.begin_s + pose.t_s, it.trial.number), pose)
+                for it in placed
+                for pose in it.trial.poses
+                if pose.is_finite
+            ]
+        )
+
+    def _send_poses(self, poses: Sequence[tuple[When, Pose]]) -> None:
         import rerun as rr
 
-        poses = [
-            ((it.begin_s + pose.t_s, it.trial.number), pose)
-            for it in placed
-            for pose in it.trial.poses
-            if pose.is_finite
-        ]
         centres_m = np.reshape([pose.position_m for _, pose in poses], (-1, 3))
         self._canvas.send("world/robot/centre", [when for when, _ in poses], rr.Points3D.columns(positions=centres_m))
         self._send_headings([(when, pose) for when, pose in poses if not pose.markers_m])
@@ -174,13 +196,19 @@ class Scene:
 
     def _send_motors(self, placed: Sequence[_Placed]) -> None:
         trials = [it.trial for it in placed]
-        for motor in range(max(trial.gait.motor_count for trial in trials)):
-            send_motor_style(self._canvas, motor)
+        motor_count = max(trial.gait.motor_count for trial in trials)
+        self._name_motors(motor_count)
+        for motor in range(motor_count):
             commanded = [_points(((it.t_s, it.gait.frequency_hz) for it in trial.commands), motor) for trial in trials]
             applied = [_points(((it.t_s, it.frequency_hz) for it in trial.states), motor) for trial in trials]
             self._send_curve(f"motors/{motor + 1}/commanded", placed, commanded)
             self._send_curve(f"motors/{motor + 1}/applied", placed, applied)
         self._send_faults(placed)
+
+    def _name_motors(self, count: int) -> None:
+        for motor in range(self._named_motors, count):
+            send_motor_style(self._canvas, motor)
+        self._named_motors = max(self._named_motors, count)
 
     def _send_curve(
         self, path: str, placed: Sequence[_Placed], curves: Sequence[Sequence[tuple[float, float]]]

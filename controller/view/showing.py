@@ -7,13 +7,12 @@ from pathlib import Path
 
 from vvvaltr.controller.core.ask_tell import tell_history
 from vvvaltr.controller.core.protocols import Optimizer
-from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.runs.config import CONFIG_NAME, load_config
+from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.runs.log import LOG_NAME, read_run
-from vvvaltr.controller.runs.run import RunDirectory, build_optimizer, make_search_space
+from vvvaltr.controller.runs.run import RunDirectory
+from vvvaltr.controller.view.learned import reopen_learner
 from vvvaltr.controller.view.recording import LiveView, Shown, save_recording, show
 from vvvaltr.controller.view.speed_maps import Belief, list_pairs
-from vvvaltr.transfer.methods.registry import METHODS
 
 _MAPS = 72  # drawn of a run, of all pairs of motors together: each asks the model for hundreds of gaits
 
@@ -50,23 +49,13 @@ def name_run(path: Path) -> str:
 
 def _open(path: Path, trial: int | None) -> Shown:
     run = read_run(path)
-    folder = path if path.is_dir() else path.parent
-    is_learned = path.name in (folder.name, LOG_NAME) and (folder / CONFIG_NAME).exists()
-    optimizer = _optimizer(folder, run) if is_learned else None
-    if optimizer is None:
+    learner = reopen_learner(path, run)
+    if learner is None:
         return Shown(run, name_run(path), trial=trial)
-    space = make_search_space(load_config(folder), run.trials[0].trial.gait.motor_count)
-    shown = Shown(run, name_run(path), space, trial=trial)
-    checkpoints = {trial} if trial else _checkpoints(run.trials, max(4, _MAPS // max(1, len(list_pairs(space)))))
-    return Shown(run, shown.title, space, _beliefs(shown, optimizer, checkpoints), trial)
-
-
-def _optimizer(folder: Path, run: Run) -> Optimizer | None:
-    """Return the run's optimiser, told nothing; None for a run that measured nothing, or of an unknown method."""
-    config = load_config(folder)
-    if config.method not in METHODS or not any(logged.score is not None for logged in run.trials):
-        return None
-    return build_optimizer(config, run.trials[0].trial.gait.motor_count, run.sources)
+    shown = Shown(run, name_run(path), learner.space, trial=trial)
+    count = max(4, _MAPS // max(1, len(list_pairs(learner.space))))
+    checkpoints = {trial} if trial else _checkpoints(run.trials, count)
+    return Shown(run, shown.title, learner.space, _beliefs(shown, learner.optimizer, checkpoints), trial)
 
 
 def _checkpoints(trials: Sequence[LoggedTrial], count: int) -> set[int]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.view.page import to_png, write_figure, write_page, write_table
 from vvvaltr.transfer.experiments import figures, tables
 from vvvaltr.transfer.experiments.findings import PairFindings, gather_findings
 from vvvaltr.transfer.experiments.store import Store
@@ -21,17 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _FEWEST_REPEATS = 6  # with fewer, a single lucky run decides
-
-_STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 1150px; margin: 2rem auto; padding: 0 1rem; }
-h1, h2, h3 { line-height: 1.2; } h2 { margin-top: 3rem; border-top: 1px solid #ccc; padding-top: 1rem; }
-figure { margin: 1.2rem 0; } figure img { max-width: 100%; } figcaption, caption { color: #555; font-size: 0.9em; }
-caption { text-align: left; padding-bottom: 0.3em; } .wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: 0.85em; margin: 1rem 0; }
-th, td { padding: 0.3em 0.7em; border-bottom: 1px solid #ddd; text-align: left; vertical-align: top; }
-tbody th { white-space: nowrap; } td { font-variant-numeric: tabular-nums; }
-.key { background: #f3f6f9; padding: 0.8em 1em; border-radius: 6px; }
-""".strip()
 
 _READING = """
 <p>A robot with vibration motors searches for a fast gait by trial: one gait at a time, each trial noisy.
@@ -70,7 +60,7 @@ def write_report(store: Store) -> Path:
     folder.mkdir(exist_ok=True)
     page = "\n".join([*_head(store.settings, found, folder), *(_section(store, it, folder) for it in found)])
     path = store.folder / "report.html"
-    path.write_text(_page(page), encoding="utf-8")
+    write_whole(path, write_page("Transfer between conditions", page))
     return path
 
 
@@ -159,29 +149,10 @@ def _in_words(it: PairFindings) -> str:
 
 
 def _figure(figure: Figure, path: Path, caption: str) -> str:
-    figure.savefig(path, dpi=130)
-    data = base64.b64encode(path.read_bytes()).decode()
-    return (
-        f"<figure><img src='data:image/png;base64,{data}' alt='{escape(caption, quote=True)}'>"
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-    )
+    picture = to_png(figure)
+    path.write_bytes(picture)
+    return write_figure(picture, caption)
 
 
 def _table(table: Table) -> str:
-    head = "".join(f"<th>{escape(name)}</th>" for name in table.columns)
-    rows = "".join(
-        f"<tr><th>{escape(name)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
-        for name, *cells in table.rows
-    )
-    return (
-        f"<div class='wide'><table><caption>{escape(table.caption)}</caption>"
-        f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
-    )
-
-
-def _page(body: str) -> str:
-    return (
-        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'><title>Transfer between conditions</title>\n"
-        f"<meta name='viewport' content='width=device-width'><style>{_STYLE}</style></head>\n"
-        f"<body>{body}</body></html>\n"
-    )
+    return write_table(table.caption, table.columns, table.rows)

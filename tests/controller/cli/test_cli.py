@@ -62,7 +62,7 @@ def test_learn_ends_with_one_json_object_that_is_also_the_summary(
     assert found["outcomes"] == {"completed": 9}
     assert set(found["best_observed"]) == {"trial", "gait_hz", "score_m_s"}
     assert set(found["recommended"]) == {"gait_hz", "mean_m_s", "low_m_s", "high_m_s"}
-    assert "learning" in err
+    assert "trial 9, 9 of 9" in err
 
 
 def test_learn_tells_people_the_belief_with_its_interval_and_the_run(

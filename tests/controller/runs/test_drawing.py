@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import math
-import signal
-import socket
-import subprocess
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import rerun_cli
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 from PIL import Image
-from rerun.experimental import ViewerClient
 from sample_run import STRUCTURE, sample_run
 
+from benchmarks.pictures import show_in_rerun
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import Pose
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
@@ -112,30 +107,8 @@ def test_a_log_grows_by_less_than_a_third(tmp_path: Path, monkeypatch: pytest.Mo
 
 def picture(log: Path, screenshot: Path) -> np.ndarray:
     """Return what Rerun shows of a file in its default layout, without a screen."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    program = Path(rerun_cli.__file__).with_name("rerun")
-    command = [program, "--headless", "--window-size", "800x600", "--bind", "127.0.0.1", "--port", str(port), log]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as viewer:
-        try:
-            client = _connect(viewer, port)
-            time.sleep(3.0)  # it loads the file, and its messages about the machine fade
-            client.save_screenshot(str(screenshot))
-        finally:
-            viewer.send_signal(signal.SIGTERM)
+    show_in_rerun(log, screenshot, (800, 600), patience_s=6.0)
     return np.asarray(Image.open(screenshot).convert("RGB")).astype(int)
-
-
-def _connect(viewer: subprocess.Popen[bytes], port: int) -> ViewerClient:
-    deadline_s = time.monotonic() + 30.0
-    while True:
-        try:
-            return ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-        except ConnectionError:
-            assert viewer.poll() is None, "Rerun ended: is a Vulkan driver installed (mesa-vulkan-drivers)?"
-            assert time.monotonic() < deadline_s, "Rerun does not answer"
-            time.sleep(0.2)
 
 
 def coloured_pixels(shown: np.ndarray) -> int:

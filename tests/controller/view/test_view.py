@@ -7,6 +7,7 @@ import sys
 import time
 import warnings
 from collections import Counter
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,11 +20,14 @@ from sample_run import STRUCTURE, logged_trial, sample_run
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import Run
 from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Outcome, Pose, Structure
+from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
+from vvvaltr.controller.robot.opening import choose_robot, open_rig
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
 from vvvaltr.controller.view.chart import Axes
 from vvvaltr.controller.view.recording import LiveView, Shown, save_recording, show
 from vvvaltr.controller.view.showing import save_runs
 from vvvaltr.controller.view.speed_maps import Belief
+from vvvaltr.controller.view.watching import Moment, WatchedRobot
 from vvvaltr.controller.view.words import describe, write_about, write_result, write_table
 
 RUN = sample_run(trials=4, poses=21)
@@ -342,9 +346,9 @@ def receive(live: LiveView, path: Path) -> dict[str, list[pyarrow.RecordBatch]]:
 
 
 def wait_until_complete(path: Path) -> None:
-    """Wait until the file has not grown for half a second."""
+    """Wait until the file holds more than its header, and has not grown for a second."""
     sizes = [-1, 0]
-    while sizes[-1] == 0 or sizes[-1] != sizes[-2]:
+    while sizes[-1] < 10_000 or len(set(sizes[-3:])) > 1:
         time.sleep(0.5)
         sizes.append(path.stat().st_size if path.exists() else 0)
 
@@ -357,6 +361,62 @@ def test_a_live_view_serves_the_run_to_a_viewer_that_comes_late(tmp_path: Path) 
     live.close()
     assert set(received) == set(saved(tmp_path, with_maps(RUN)))
     assert len(column(received["/world/robot/struts"], "strips")) == 4 * 21
+
+
+class Clock:
+    def now_s(self) -> float:
+        return 100.0
+
+
+class Running:
+    """A robot in the middle of a trial: what it reads is always the same."""
+
+    structure, clock = STRUCTURE, Clock()
+    motors = tracker = None
+
+
+def test_a_trial_is_shown_while_it_runs_ten_times_a_second(tmp_path: Path) -> None:
+    live = LiveView(Run(STRUCTURE), "sample")
+    watched = live.watch(Running())
+    pose, state = RUN.trials[0].trial.poses[0], RUN.trials[0].trial.states[0]
+    began_s = time.monotonic()
+    for step in range(25):
+        t_s = 100.0 + 0.04 * step
+        read = replace(pose, t_s=t_s), replace(state, t_s=t_s)
+        watched.moment = Moment(1, time.time(), 100.0, RUN.trials[0].trial.gait, *read)
+        time.sleep(0.04)
+    taken_s = time.monotonic() - began_s
+    received = receive(live, tmp_path / "received.rrd")
+    live.close()
+    shown = column(received["/world/robot/struts"], "strips")
+    assert 5 * taken_s < len(shown) <= 10 * taken_s + 1
+    assert len(column(received["/motors/3/applied"], "scalars")) == len(shown)
+    assert set(column(received["/world/robot/struts"], "trial")) == {1}
+
+
+def test_a_watched_robot_moves_exactly_as_it_does_unwatched() -> None:
+    gait, settings = Gait((12.0, 9.0, 7.0)), TrialSettings(duration_s=0.5)
+    trials = []
+    for watch in (lambda robot: robot, WatchedRobot):
+        with closing(open_rig(choose_robot({"name": "planar"}), seed=3).robot) as robot:
+            trials.append(run_trial(watch(robot), gait, settings))
+    plain, watched = trials
+    assert replace(watched, started_unix_s=plain.started_unix_s) == plain
+
+
+def test_a_watch_holds_the_last_reading_of_a_trial_and_nothing_between_trials() -> None:
+    with closing(open_rig(choose_robot({"name": "planar"}), seed=3).robot) as robot:
+        watched = WatchedRobot(robot)
+        watched.place(7)
+        watched.motors.drive(Gait((9.0, 9.0, 9.0)), 0.2)
+        watched.clock.sleep(0.05)
+        state, pose = watched.motors.state(), watched.tracker.pose()
+        moment = watched.moment
+        watched.motors.stop()
+    assert (moment.trial, moment.state, moment.pose) == (7, state, pose)
+    assert moment.asked == Gait((9.0, 9.0, 9.0))
+    assert pose.t_s - moment.drive_s == pytest.approx(0.05)
+    assert watched.moment is None
 
 
 def test_a_live_view_of_a_resumed_run_asks_nothing_of_an_optimiser_that_was_told_nothing() -> None:

@@ -1,0 +1,82 @@
+"""How a run goes, on standard error: a bar on a terminal, else one line a trial."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from argparse import Namespace
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from vvvaltr.controller.cli.telling import bar, say, say_above
+
+if TYPE_CHECKING:
+    from vvvaltr.controller.core.records import LoggedTrial
+
+
+class TrialProgress:
+    """Tells of each trial of a run: its speed, the best gait so far with its interval, failures, and the time left.
+
+    Args:
+        arguments: those of the command, which say how much is told.
+        total: number of valid trials wanted.
+        done: number of valid trials made before.
+    """
+
+    def __init__(self, arguments: Namespace, total: int, done: int) -> None:
+        self._arguments, self._total, self._begun, self._done = arguments, total, done, done
+        self._failures: Counter[str] = Counter()
+        self._began_s = time.monotonic()
+        width, height = shutil.get_terminal_size()  # given to the bar, which hides itself on a serial console of 0 x 0
+        self._bar = bar(
+            arguments, total=total, initial=done, desc="learning", is_needed=sys.stderr.isatty(),
+            ncols=width - 1, nrows=height, bar_format="{desc} {n}/{total} |{bar}| {remaining} left{postfix}",
+        )  # fmt: skip
+
+    def tell(self, logged: LoggedTrial) -> None:
+        """Tell of one more trial."""
+        if logged.score is None:
+            self._failures[logged.trial.outcome.value.replace("_", " ")] += 1
+            self.warn(f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}")
+            return
+        if logged.review.is_suspect:
+            self.warn(f"trial {logged.trial.number} is suspect: {logged.review.suspicion}")
+        if logged.trial.reason:
+            self.warn(f"trial {logged.trial.number} was cut short: {logged.trial.reason}")
+        self._done += 1
+        self._bar.set_postfix_str(f"{_write_speeds(logged)}{self._write_failures()}", refresh=False)
+        self._bar.update()
+        if not sys.stderr.isatty():
+            left = f"; {_write_duration(self._estimate_left_s())} left" if self._done < self._total else ""
+            say(self._arguments, f"trial {logged.trial.number}, {self._done} of {self._total}: "
+                f"{_write_speeds(logged)}{self._write_failures()}{left}")  # fmt: skip
+
+    def warn(self, line: str) -> None:
+        """Tell a line above the bar."""
+        say_above(self._bar, line)
+
+    def close(self) -> None:
+        """Leave the bar as it is."""
+        self._bar.close()
+
+    def _estimate_left_s(self) -> float:
+        each_s = (time.monotonic() - self._began_s) / (self._done - self._begun)
+        return each_s * (self._total - self._done)
+
+    def _write_failures(self) -> str:
+        return "".join(f", {count} {name}" for name, count in self._failures.items())
+
+
+def _write_duration(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"
+
+
+def _write_speeds(logged: LoggedTrial) -> str:
+    speed = "" if logged.score is None else f"{1000.0 * logged.score:.1f} mm/s"
+    if logged.recommendation is None:
+        return speed
+    it = logged.recommendation.estimate
+    return f"{speed}, best {1000.0 * it.mean:.1f} ({round(1000.0 * it.low)} to {round(1000.0 * it.high)})"

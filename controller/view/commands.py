@@ -1,0 +1,80 @@
+"""The commands that drive a gait, or make a run again, to copy."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import msgspec
+
+from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.robot.choice import option
+from vvvaltr.controller.runs.config import RunConfig
+
+_USUAL = {
+    "body": ("prism3", "icosahedron6"),
+    "world": ("flat",),
+    "friction": (0.5,),
+    "gravity_m_s2": (9.81,),
+    "law": ("eccentric",),
+    "score": ("net",),
+    "optimise": (["frequency"],),
+}
+_TWINS = ("planar", "spatial")
+
+
+def write_trial_command(gait: Gait, robot: str, config: RunConfig | None = None) -> str:
+    """Return the command that drives a gait five times.
+
+    Args:
+        gait: the gait.
+        robot: the robot as the log names it; empty where that is not known.
+        config: what the run was asked to do; None where nobody learned in it.
+    """
+    words = ["vvvaltr trial", *_write_numbers(gait.frequency_hz)]
+    words += ["--phase", *_write_numbers(gait.phase_rad)] if any(gait.phase_rad) else []
+    words += ["--amplitude", *_write_numbers(gait.amplitude)] if any(share != 1.0 for share in gait.amplitude) else []
+    words += _write_robot(config) if config else [f"--robot {shlex.quote(robot)}"] if robot else []
+    return " ".join([*words, "--repeats 5"])
+
+
+def write_learn_command(config: RunConfig) -> str:
+    """Return the command that makes a run again; what is usual is left out."""
+    stored = msgspec.to_builtins(config)
+    for key in ("robot", "format"):
+        del stored[key]
+    return " ".join(["vvvaltr learn", *_write_robot(config), *_write_options(stored)])
+
+
+def _write_robot(config: RunConfig) -> list[str]:
+    robot = msgspec.to_builtins(config.robot)
+    del robot["file"]
+    return list(_write_options(robot))
+
+
+def _write_options(values: Mapping[str, Any]) -> Iterator[str]:
+    for key, stored in values.items():
+        value = list(stored) if isinstance(stored, tuple) else stored
+        if value is not None and value not in _USUAL.get(key, ()):
+            yield from _write_option(key, value)
+
+
+def _write_option(key: str, value: Any) -> list[str]:
+    match key, value:
+        case "confirm", (gaits, repeats):
+            return [f"--confirm {gaits}x{repeats}"] if gaits else []
+        case "stop_below_m_s", _:
+            return [f"--stop-when {1000.0 * value:g}"] if value else []
+        case (("sources" | "damage"), _):
+            return [f"{option(key)} {shlex.quote(each)}" for each in value]
+        case "optimise", _:
+            return [f"--optimise {','.join(value)}"]
+        case "range_hz", (low, high):
+            return [f"--range {low:g} {high:g}"]
+        case _:
+            return [f"{option(key)} {shlex.quote(f'{value:g}' if isinstance(value, float) else str(value))}"]
+
+
+def _write_numbers(numbers: tuple[float, ...]) -> list[str]:
+    return [f"{number:.3f}" for number in numbers]

@@ -1,0 +1,161 @@
+"""`vvvaltr runs`, `vvvaltr show`, and how a run tells of its trials."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from sample_run import sample_run
+
+from vvvaltr.controller.cli.main import main
+from vvvaltr.controller.runs.listing import State, describe_run, list_runs
+from vvvaltr.controller.runs.log import LOG_NAME, RunLog
+from vvvaltr.controller.view.terminal import lay_out_columns, plot_speeds
+
+RUN = sample_run(trials=12)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A directory with a complete run, one that learned from it, and one by hand."""
+    folder = tmp_path_factory.mktemp("runs")
+    learn = ("learn", "--robot", "planar", "--duration", "1", "--no-recording", "--quiet")
+    assert main([*learn, "--trials", "3", "--out", str(folder / "flat")]) == 0
+    assert main([*learn, "--trials", "2", "--world", "hills", "--source", str(folder / "flat"),
+                 "--out", str(folder / "hills")]) == 0  # fmt: skip
+    assert main(["trial", "9", "9", "9", "--duration", "1", "--quiet", "--out", str(folder / "tried")]) == 0
+    return folder
+
+
+def test_runs_lists_what_each_run_is_and_has_found(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["runs", str(runs), "--json"]) == 0
+    found = {Path(run["run"]).name: run for run in json.loads(capsys.readouterr().out)["runs"]}
+    assert found["flat"]["state"] == found["hills"]["state"] == "complete"
+    assert found["flat"]["trials"] == 3
+    assert found["hills"]["world"] == "hills"
+    assert found["hills"]["method"] == "guarded"
+    assert [Path(source).name for source in found["hills"]["sources"]] == ["flat"]
+    assert found["flat"]["low_m_s"] <= found["flat"]["mean_m_s"] <= found["flat"]["high_m_s"]
+    assert found["tried"]["state"] == "by hand"
+    assert found["tried"]["mean_m_s"] is None
+
+
+@pytest.mark.parametrize("width", [40, 60, 80])
+def test_no_line_is_wider_than_the_terminal(
+    runs: Path, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    assert main(["runs", str(runs)]) == 0
+    table = capsys.readouterr().out.splitlines()[:-1]
+    assert main(["show", str(runs / "hills")]) == 0
+    plot = capsys.readouterr().out.splitlines()[-12:]
+    assert max(map(len, [*table, *plot])) <= width
+    assert "mm/s" in table[0]
+
+
+def test_a_run_whose_log_is_open_is_running_and_one_that_ended_early_is_stopped(runs: Path) -> None:
+    config = (runs / "flat" / "run.toml").read_text()
+    (runs / "flat" / "run.toml").write_text(config.replace("trials = 3", "trials = 9"))
+    try:
+        assert describe_run(runs / "flat").state is State.STOPPED
+        with RunLog.recover(runs / "flat" / LOG_NAME)[0]:
+            assert describe_run(runs / "flat").state is State.RUNNING
+    finally:
+        (runs / "flat" / "run.toml").write_text(config)
+
+
+@pytest.mark.parametrize("text", ["trials = [", "[1]", "robot = 3", "\xff"])
+def test_a_damaged_file_does_not_hide_the_other_runs(tmp_path: Path, text: str) -> None:
+    for name in ("whole", "damaged"):
+        (tmp_path / name).mkdir()
+        RunLog.create(tmp_path / name / LOG_NAME, None).close()
+    (tmp_path / "damaged" / "run.toml").write_text(text, encoding="latin-1")
+    (tmp_path / "damaged" / "summary.json").write_text("[")
+    states = {run.path.name: run.state for run in list_runs(tmp_path)}
+    assert states == {"whole": State.ASKED, "damaged": State.UNREADABLE}
+
+
+def test_a_directory_without_runs_says_what_makes_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["runs", str(tmp_path)]) == 0
+    assert "vvvaltr learn makes one" in capsys.readouterr().out
+    assert main(["runs", str(tmp_path / "missing")]) == 1
+
+
+def test_show_tells_the_best_gait_as_a_command_that_works(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", str(runs / "flat")]) == 0
+    out = capsys.readouterr().out
+    command = re.search(r"vvvaltr (trial .*?)\n\S", out, re.S)[1].split()
+    assert main([*command, "--duration", "1", "--quiet"]) == 0
+    assert "95 % interval" in out
+    assert "3 completed" in out
+
+
+def test_show_opens_a_bare_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with RunLog.create(tmp_path / "any.mcap", RUN.structure) as log:
+        for logged in RUN.trials:
+            log.append(logged)
+    assert main(["show", str(tmp_path / "any.mcap")]) == 0
+    out = capsys.readouterr().out
+    assert "11 completed, 1 tracking lost" in out
+    assert "suspect    trials 1, 3, 4" in out
+
+
+def test_the_plot_has_a_mark_for_each_trial() -> None:
+    plot = plot_speeds(RUN.trials, width=80)
+    marks = [line.partition("|")[2] for line in plot.splitlines()[1:-1]]
+    assert sum(line.count("o") for line in marks) == 11
+    assert sum(line.count("x") for line in marks) == 1
+    fastest = max(1000 * logged.score for logged in RUN.trials if logged.score is not None)
+    assert marks[0].strip()
+    assert float(plot.splitlines()[1].partition("|")[0]) >= fastest - 0.1
+    assert plot.isascii()
+
+
+def test_a_long_run_shares_the_columns_of_a_narrow_plot() -> None:
+    assert max(map(len, plot_speeds(sample_run(trials=300, poses=2).trials, width=60).splitlines())) <= 60
+
+
+def test_columns_go_one_by_one_until_the_table_fits() -> None:
+    rows = [("a" * 10, "b" * 10, "c" * 10)]
+    assert lay_out_columns(("x", "y", "z"), rows, 40, ("y", "z")).splitlines()[0].split() == ["x", "y", "z"]
+    assert lay_out_columns(("x", "y", "z"), rows, 25, ("y", "z")).splitlines()[0].split() == ["x", "z"]
+    assert lay_out_columns(("x", "y", "z"), rows, 6, ("y", "z")).splitlines() == ["x", "aaaaaa"]
+
+
+LEARN = ("learn", "--duration", "1", "--trials", "3", "--no-recording")
+
+
+def test_away_from_a_terminal_each_trial_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*LEARN, "--out", str(tmp_path / "run")]) == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("trial")]
+    assert [line.split(":")[0] for line in lines] == ["trial 1, 1 of 3", "trial 2, 2 of 3", "trial 3, 3 of 3"]
+    assert re.fullmatch(r"trial 2, 2 of 3: [\d.]+ mm/s, best [\d.]+ \(-?\d+ to \d+\); 0:0\d left", lines[1])
+
+
+def test_on_a_terminal_a_bar_within_its_width_tells_best_and_time_left(tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "vvvaltr", *LEARN, "--out", str(tmp_path / "run")]
+    environment = {**os.environ, "COLUMNS": "72", "NO_COLOR": "1"}
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=theirs, env=environment)
+    os.close(theirs)
+    text, deadline_s = b"", time.monotonic() + 60.0
+    while time.monotonic() < deadline_s:
+        try:
+            text += os.read(ours, 65536)
+        except OSError:  # the program has closed its end
+            break
+    os.close(ours)
+    assert process.wait(20.0) == 0
+    last = text.decode().replace("\r", "\n").rstrip().splitlines()[-1]
+    assert len(last) <= 72
+    assert "3/3" in last
+    assert "left" in last
+    assert "best" in last
+    assert "\x1b[3" not in text.decode()  # no colour
