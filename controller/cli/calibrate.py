@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import sys
-import tomllib
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from contextlib import closing
 from pathlib import Path
@@ -105,16 +104,17 @@ def _keep(path: Path, robot_file: RobotFile) -> None:
     """Write the robot's file in one step, if it can be read again. Raises UserError."""
     import msgspec
 
-    from vvvaltr.controller.core.disk import write_whole
+    from vvvaltr.controller.core.disk import read_text, write_whole
+    from vvvaltr.controller.core.document import parse_toml
     from vvvaltr.controller.robot.commissioning.calibrate import rewrite_robot_file
     from vvvaltr.controller.robot.robot_file import robot_file_from
 
     if path.suffix == ".json":
         text = json.dumps(msgspec.to_builtins(robot_file), indent=2) + "\n"
     else:
-        text = rewrite_robot_file(path.read_text(encoding="utf-8"), robot_file)
+        text = rewrite_robot_file(read_text(path), robot_file)
     try:
-        robot_file_from(json.loads(text) if path.suffix == ".json" else tomllib.loads(text), str(path))
+        robot_file_from(json.loads(text) if path.suffix == ".json" else parse_toml(text), str(path))
     except UserError as error:
         raise UserError(f"nothing was saved: the curve does not fit the file: {error}; measure again") from None
     write_whole(path.resolve(), text)

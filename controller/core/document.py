@@ -13,10 +13,15 @@ import msgspec
 import tomli_w
 from msgspec import inspect
 
+from vvvaltr.controller.core.disk import read_text
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.spelling import did_you_mean
 
 _T = TypeVar("_T")
+_MOST_BYTES = 1 << 20
+_MOST_TABLES = 5000
+_TOO_DEEP = "it is nested too deep"
+_LONG_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){20}""")
 
 
 def load_document(path: Path, kind: type[_T]) -> _T:
@@ -27,20 +32,40 @@ def load_document(path: Path, kind: type[_T]) -> _T:
 def read_document(path: Path) -> Any:
     """Return the plain content of ``path``, JSON if its name says so, else TOML. Raises UserError, NotUnderstood."""
     try:
-        text = path.read_text(encoding="utf-8")
-        return json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+        text = read_text(path, _MOST_BYTES)
+        return json.loads(text) if path.suffix == ".json" else parse_toml(text)
     except FileNotFoundError:
         raise UserError(f"{path}: there is no such file") from None
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from None
+        raise UserError(f"{path}: {error.strerror}; name an ordinary file") from None
     except ValueError as error:  # of TOML, JSON and UTF-8 alike
         raise NotUnderstood(f"{path} cannot be read: {error}; mend that line") from None
+    except RecursionError:
+        raise NotUnderstood(f"{path} cannot be read: {_TOO_DEEP}; write it plainly") from None
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return TOML as plain content.
+
+    Raises:
+        ValueError: it is no TOML, or is nested deeper than any file of ours, which would take the parser hours.
+    """
+    if _LONG_KEY.search(text):
+        raise ValueError(_TOO_DEEP)
+    if text.count("\n[") > _MOST_TABLES:
+        raise ValueError(f"it has more than {_MOST_TABLES} tables")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
 
 
 def typed(content: Any, kind: type[_T], name: str) -> _T:
     """Return plain ``content``, read from ``name``, as a ``kind``. Raises NotUnderstood."""
     try:
         return msgspec.convert(content, kind)
+    except RecursionError:
+        raise NotUnderstood(f"{name}: {_TOO_DEEP}; write it plainly") from None
     except msgspec.ValidationError as error:
         raise NotUnderstood(f"{name}: {_explained(str(error), content, kind)}") from None
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,8 @@ from typing import Any
 import msgspec
 import tomli_w
 
-from vvvaltr.controller.core.disk import write_whole
-from vvvaltr.controller.core.document import typed
+from vvvaltr.controller.core.disk import read_text, write_whole
+from vvvaltr.controller.core.document import parse_toml, typed
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.spelling import did_you_mean
 from vvvaltr.controller.core.values import Quantity
@@ -23,6 +22,7 @@ CONFIG_NAME = "run.toml"
 FORMAT = 2
 """Format of `run.toml`. Format 1, of version 0.1, counts springs, struts and motors from 0; this one from 1."""
 
+_MOST_BYTES = 1 << 20
 _BOUNDS = {
     "seed": (0, math.inf),
     "trials": (1, math.inf),
@@ -107,11 +107,13 @@ def load_config(run: Path) -> RunConfig:
     """
     path = run / CONFIG_NAME
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = parse_toml(read_text(path, _MOST_BYTES))
     except FileNotFoundError:
         what = f"has no {CONFIG_NAME}, so it cannot be resumed: a new run can learn from it by --source"
         raise UserError(f"{run} {what if run.exists() else 'is not there: name the directory of a run'}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}; restore the file as the run wrote it") from None
+    except ValueError as error:  # of TOML and UTF-8 alike
         raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None
     if "format" not in content:
         raise UserError(f"{path}: format is missing; restore the file as the run wrote it")

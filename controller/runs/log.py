@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO, Any, Self, cast
+from typing import IO, Any, BinaryIO, Self, TypeVar, cast
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
@@ -21,13 +21,14 @@ from google.protobuf.message import DecodeError, Message
 from mcap.writer import CompressionType, Writer
 
 from vvvaltr import __version__
-from vvvaltr.controller.core.disk import sync_folder
+from vvvaltr.controller.core.disk import open_plain, replacing, sync_folder
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import Command, MotorState, Photo, Pose, Source, Structure, Suggestion, Trial
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 from vvvaltr.controller.runs.schema import codec, drawing
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
+from vvvaltr.controller.runs.schema.limits import MOST_LOG_BYTES, check_message, check_record, check_size
 from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, NewFile, TornFile, lock, read_entries, register
 from vvvaltr.controller.runs.schema.trial_codec import decode_trial, encode_trial
 
@@ -60,6 +61,7 @@ class RunLog:
         self._channels = {topic: register(self._writer, topic, kind) for topic, kind in _KINDS.items()}
         self._end_ns = 0  # of the last trial
         begin_ns = _ns(head.trials[0].trial.started_unix_s) if head.trials else time.time_ns()
+        begin_ns = max(0, begin_ns)  # a clock that was not set, as on a Raspberry Pi, may show a time before 1970
         self._writer.add_metadata("vvvaltr", dict(head.about))
         begin: list[_Timed] = [("/run", begin_ns, codec.encode_run(FORMAT, head))]
         if head.structure is not None and head.structure.terrain is not None:
@@ -106,9 +108,8 @@ class RunLog:
         """
         with _open(path) as file:
             lock(file, path)
-            run, torn = _parse(file.read(), path)
-            if torn:
-                shutil.copyfile(path, path.with_name(path.name + ".torn"))
+            run, torn = _parse(file, path)
+            _keep_torn(file if torn else None, path)
             return cls._replacing(path, run), run
 
     @classmethod
@@ -135,6 +136,8 @@ class RunLog:
         """
         if self._disk.closed:
             raise ValueError("the log is closed")
+        if self._disk.is_gone():
+            raise UserError("the folder of the run was deleted: the run ends here; begin a new one")
         messages = self._messages(logged)
         try:
             self._write(messages)
@@ -143,6 +146,10 @@ class RunLog:
             # Half a trial may be written: nothing must follow it, or the file would be damaged instead of torn.
             self._disk.close()
             raise
+
+    def is_at(self, path: Path) -> bool:
+        """Return whether the log is still the file at ``path``."""
+        return not self._disk.closed and self._disk.is_at(path)
 
     def close(self) -> None:
         """Finish the file, so that every MCAP program can read it. Idempotent; does nothing after a failed ``append``.
@@ -225,15 +232,15 @@ def read_run(path: Path) -> Run:
     """
     path = path / LOG_NAME if path.is_dir() else path
     with _open(path) as file:
-        return _parse(file.read(), path)[0]
+        return _parse(file, path)[0]
 
 
-def _parse(data: bytes, path: Path) -> tuple[Run, bool]:
+def _parse(file: BinaryIO, path: Path) -> tuple[Run, bool]:
     """Return the contents of a log, and whether it was cut off."""
     contents = _Contents(path)
     torn = False
     try:
-        for topic, payload in read_entries(data):
+        for topic, payload in read_entries(file):
             contents.take(topic, payload)
     except TornFile:
         torn = True
@@ -258,21 +265,22 @@ class _Contents:
 
     def take(self, topic: str, payload: bytes) -> None:
         """Add one message. What other programs have put on topics of their own is passed over."""
+        check_size(topic, payload)
         match topic:
             case "/run":
-                self._begin(pb.Run.FromString(payload))
+                self._begin(_checked(pb.Run.FromString(payload)))
             case "/optimizer/suggestion":
-                self.suggestion = codec.decode_suggestion(pb.Suggestion.FromString(payload))
+                self.suggestion = codec.decode_suggestion(_checked(pb.Suggestion.FromString(payload)))
             case "/robot/tracking":
-                self.poses.append(codec.decode_tracking(pb.Tracking.FromString(payload)))
+                self.poses.append(codec.decode_tracking(_recorded(pb.Tracking.FromString(payload))))
             case "/motors/command":
-                self.commands.append(codec.decode_command(pb.Command.FromString(payload)))
+                self.commands.append(codec.decode_command(_recorded(pb.Command.FromString(payload))))
             case "/motors/state":
-                self.states.append(codec.decode_state(pb.MotorState.FromString(payload)))
+                self.states.append(codec.decode_state(_recorded(pb.MotorState.FromString(payload))))
             case "/tracker/picture":
                 self.pictures.append(CompressedImage.FromString(payload))
             case "/trial":
-                self._end_trial(pb.Trial.FromString(payload))
+                self._end_trial(_checked(pb.Trial.FromString(payload)))
 
     def run(self) -> Run:
         """Return what has been read, without a trial that has no end."""
@@ -290,12 +298,41 @@ class _Contents:
     def _end_trial(self, message: pb.Trial) -> None:
         if self.suggestion is None:
             raise ValueError(f"trial {message.number} has no suggestion")
+        self._check_motors(message)
         logged = decode_trial(message, self.suggestion, self.poses, self.commands, self.states)
         began_ns = _ns(logged.trial.started_unix_s)
         photos = tuple(codec.decode_photo(picture, began_ns) for picture in self.pictures)
         logged = replace(logged, trial=replace(logged.trial, photos=photos))
         self.trials.append(_with_movement(logged) if self.format == 1 else logged)
         self.suggestion, self.poses, self.commands, self.states, self.pictures = None, [], [], [], []
+
+    def _check_motors(self, message: pb.Trial) -> None:
+        """Raise ValueError unless everything of a run is about the same number of motors."""
+        gaits = [message.gait, *message.steering.plan]
+        if message.HasField("recommendation"):
+            gaits.append(message.recommendation.gait)
+        counts = {len(gait.frequency_hz) for gait in gaits} | {len(state.frequency_hz) for state in self.states}
+        known = (self.suggestion, *self.commands, *(logged.trial for logged in self.trials[:1]))
+        counts |= {each.gait.motor_count for each in known if each is not None}
+        motors = len(message.gait.frequency_hz)
+        if counts != {motors} or not motors:
+            raise ValueError(f"trial {message.number} is not about {motors} motors as the others are")
+
+
+_Message = TypeVar("_Message", bound=Message)
+_Record = TypeVar("_Record", pb.Tracking, pb.Command, pb.MotorState)
+
+
+def _checked(message: _Message) -> _Message:
+    """Return a message that a run could have written. Raises ValueError."""
+    check_message(message)
+    return message
+
+
+def _recorded(message: _Record) -> _Record:
+    """Return what a trial could have recorded. Raises ValueError."""
+    check_record(message)
+    return message
 
 
 def _with_movement(logged: LoggedTrial) -> LoggedTrial:
@@ -307,8 +344,19 @@ def _ns(seconds: float) -> int:
     return round(seconds * 1e9)
 
 
-def _open(path: Path) -> IO[bytes]:
+def _keep_torn(file: BinaryIO | None, path: Path) -> None:
+    """Copy a torn log beside itself; the copy is removed when the log is next found whole."""
+    copy = path.with_name(path.name + ".torn")
+    if file is None:
+        copy.unlink(missing_ok=True)
+        return
+    file.seek(0)
+    with replacing(copy) as fresh:
+        shutil.copyfileobj(file, fresh)
+
+
+def _open(path: Path) -> BinaryIO:
     try:
-        return path.open("rb")
+        return open_plain(path, MOST_LOG_BYTES)
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}; name the directory of a run, or its {LOG_NAME}") from error

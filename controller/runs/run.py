@@ -118,7 +118,8 @@ class RunDirectory:
         """Write `summary.json` and return what is in it."""
         about = {"run": str(self.path), "robot": self.config.robot.name, "method": self.config.method}
         result = {**about, **summarise(self.trials)}
-        write_whole(self.path / "summary.json", json.dumps(result, indent=2) + "\n")
+        if self.path.is_dir():  # otherwise it was moved or deleted, which ends the run
+            write_whole(self.path / "summary.json", json.dumps(result, indent=2) + "\n")
         return result
 
     def close(self) -> None:
@@ -129,6 +130,10 @@ class RunDirectory:
     def _record(self, logged: LoggedTrial) -> None:
         self._log.append(logged)
         self.trials.append(logged)
+        if not self._log.is_at(self.path / LOG_NAME):
+            raise UserError(
+                f"{self.path} was moved or deleted: the run ends here; continue it by --resume where it is now"
+            )
 
 
 class _Summary:

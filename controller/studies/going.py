@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from vvvaltr.controller.core.disk import read_bytes, read_text
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.loop.go import Journey
@@ -178,9 +179,7 @@ def read_goals(path: Path) -> tuple[tuple[float, float, float | None], ...]:
         NotUnderstood: a line is something else.
     """
     try:
-        rows = [
-            row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if any(map(str.strip, row))
-        ]
+        rows = [row for row in csv.reader(read_text(path).splitlines()) if any(map(str.strip, row))]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UserError(f"{path}: {error}; give a CSV file with x, y and perhaps yaw in each line") from None
     if rows and not _is_number(rows[0][0]):
@@ -229,6 +228,6 @@ def _border(arena: Arena | None) -> Border | None:
 
 def _load_errand(path: Path) -> Errand:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Errand)
-    except (msgspec.DecodeError, msgspec.ValidationError, OSError) as error:
+        return msgspec.json.decode(read_bytes(path), type=Errand)
+    except (msgspec.DecodeError, msgspec.ValidationError, OSError, RecursionError) as error:
         raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None

@@ -12,7 +12,7 @@ from typing import Any, Self
 import msgspec
 
 from vvvaltr import __version__
-from vvvaltr.controller.core.disk import new_folder, write_whole
+from vvvaltr.controller.core.disk import new_folder, read_bytes, write_whole
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import Gait, Quantity, Trial
@@ -220,8 +220,8 @@ def _source(path: Path) -> Repertoire:
     import numpy as np
 
     try:
-        table = msgspec.json.decode(path.read_bytes(), type=_Table)
-    except (msgspec.DecodeError, msgspec.ValidationError, OSError) as error:
+        table = msgspec.json.decode(read_bytes(path), type=_Table)
+    except (msgspec.DecodeError, msgspec.ValidationError, OSError, RecursionError) as error:
         raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None
     movements = tuple(
         LearnedMovement(

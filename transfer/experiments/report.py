@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vvvaltr.controller.core.disk import write_whole
+from vvvaltr.controller.core.disk import make_own_folder, write_whole
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.view.page import to_png, write_figure, write_page, write_table
 from vvvaltr.transfer.experiments import figures, tables
@@ -57,7 +57,7 @@ def write_report(store: Store) -> Path:
     """
     found = require_findings(store)
     folder = store.folder / "figures"
-    folder.mkdir(exist_ok=True)
+    make_own_folder(folder)
     page = "\n".join([*_head(store.settings, found, folder), *(_section(store, it, folder) for it in found)])
     path = store.folder / "report.html"
     write_whole(path, write_page("Transfer between conditions", page))
@@ -150,7 +150,7 @@ def _in_words(it: PairFindings) -> str:
 
 def _figure(figure: Figure, path: Path, caption: str) -> str:
     picture = to_png(figure)
-    path.write_bytes(picture)
+    write_whole(path, picture)
     return write_figure(picture, caption)
 
 

@@ -5,13 +5,13 @@ A file appears whole or not at all, so that a campaign which was interrupted is 
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 import msgspec
 import tomli_w
 
-from vvvaltr.controller.core.disk import write_whole
+from vvvaltr.controller.core.disk import make_own_folder, read_bytes, read_text, write_whole
+from vvvaltr.controller.core.document import parse_toml
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.transfer.experiments.unit import Result, Settings, Step, Truth, Unit
 
@@ -33,13 +33,14 @@ class Store:
         """Open the campaign in ``folder``. Raises UserError where there is none or it cannot be read."""
         path = folder / "campaign.toml"
         try:
-            content = tomllib.loads(path.read_text(encoding="utf-8"))
-            content = {**_FORMER, **content}
+            content = {**_FORMER, **parse_toml(read_text(path))}
             if missing := set(Settings.__struct_fields__) - set(content):
                 raise ValueError(f"{min(missing)} is missing")
             return cls(folder, msgspec.convert(content, Settings))
         except FileNotFoundError:
             raise UserError(f"{folder} is not a campaign: name the directory that vvvaltr experiment wrote") from None
+        except OSError as error:
+            raise UserError(f"{path}: {error.strerror}; restore the file as the campaign wrote it") from None
         except ValueError as error:  # of TOML, UTF-8 and the settings alike
             raise UserError(f"{path}: {error}; restore the file as the campaign wrote it") from None
 
@@ -74,18 +75,21 @@ class Store:
     def save(self, unit: Unit, result: Result) -> None:
         """Store the result of a unit. Raises OSError where the file cannot be written."""
         path = self._path(unit)
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_own_folder(self.folder / "runs")
+        make_own_folder(path.parent)
         write_whole(path, _ENCODER.encode_lines([*result.steps, *result.truths]))
 
     def load(self, unit: Unit) -> Result:
         """Return the result of a unit that is done. Raises UserError where its file is damaged."""
         path = self._path(unit)
         try:
-            lines = _DECODER.decode_lines(path.read_bytes())
+            lines = _DECODER.decode_lines(read_bytes(path))
             steps = tuple(line for line in lines if isinstance(line, Step))
             result = Result(steps, tuple(line for line in lines if isinstance(line, Truth)))
             _check_whole(result, unit)
-        except ValueError as error:  # of JSON and UTF-8 as well
+        except OSError as error:
+            raise UserError(f"{path}: {error.strerror}; delete it and run the experiment again") from None
+        except (ValueError, RecursionError) as error:  # of JSON and UTF-8 as well
             raise UserError(f"{path}: {error}; delete the file and run the experiment again") from None
         return result
 

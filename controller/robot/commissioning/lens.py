@@ -8,7 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from vvvaltr.controller.core.disk import write_whole
+from vvvaltr.controller.core.disk import read_text, write_whole
 from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.robot.robot_file import robot_file_from
@@ -24,7 +24,7 @@ def save_lens(path: Path, lens: dict[str, Any]) -> None:
     Raises:
         UserError: the file would not be a robot's file any more; nothing is written.
     """
-    text = path.read_text(encoding="utf-8")
+    text = read_text(path)
     lens = json.loads(json.dumps(lens))  # lists for tuples, as files have them
     if path.suffix == ".json":
         content = json.loads(text)

@@ -6,9 +6,9 @@ import fcntl
 import os
 import struct
 from collections.abc import Iterator
-from io import BytesIO, FileIO
+from io import FileIO
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, BinaryIO, cast
 
 from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
@@ -22,6 +22,7 @@ from mcap.writer import MCAP0_MAGIC, Writer
 
 from vvvaltr.controller.core.errors import UserError
 
+_MOST_RECORD_BYTES = 256 << 20  # a trial of four hours
 # What the library raises on bytes that stop short or are wrong.
 _WRONG = (McapError, struct.error, ValueError, OverflowError, KeyError)
 
@@ -40,6 +41,17 @@ class NewFile:
     def __init__(self, path: Path) -> None:
         self._file = FileIO(path, "x")
         lock(self._file, path)
+
+    def is_gone(self) -> bool:
+        """Return whether the file has no name any more."""
+        return os.fstat(self._file.fileno()).st_nlink == 0
+
+    def is_at(self, path: Path) -> bool:
+        """Return whether the file is called ``path``."""
+        try:
+            return os.path.samestat(os.fstat(self._file.fileno()), path.stat())
+        except OSError:
+            return False
 
     @property
     def closed(self) -> bool:
@@ -101,20 +113,23 @@ def _collect(file: FileDescriptor, files: dict[str, FileDescriptor]) -> None:
     files.setdefault(file.name, file)
 
 
-def read_entries(data: bytes) -> Iterator[tuple[str, bytes]]:
+def read_entries(file: BinaryIO) -> Iterator[tuple[str, bytes]]:
     """Yield topic and payload of every message in a file, in the order in which they were written.
+
+    No more of it is in memory than one record.
 
     Raises:
         TornFile: the end is missing. All complete messages have been yielded.
         DamagedFile: it is not an MCAP file, or wrong bytes precede right ones.
     """
-    if not data.startswith(MCAP0_MAGIC):
+    if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
         raise DamagedFile("not an MCAP file")
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
     topics: dict[int, str] = {}
-    stream = BytesIO(data)
     whole, wrong = 0, False
     try:
-        for record in StreamReader(stream, emit_chunks=True, record_size_limit=len(data)).records:
+        for record in StreamReader(file, emit_chunks=True, record_size_limit=min(size, _MOST_RECORD_BYTES)).records:
             try:
                 found = _messages(record, topics)
             except _WRONG:  # of this record alone: its length was right, so the next one can be read
@@ -123,13 +138,14 @@ def read_entries(data: bytes) -> Iterator[tuple[str, bytes]]:
             if found and wrong:
                 raise DamagedFile(f"after byte {whole}")
             yield from found
-            whole = stream.tell()
+            whole = file.tell()
     except EndOfFile:
-        wrong = wrong or whole < len(data)
+        wrong = wrong or whole < size
     except _WRONG:
         wrong = True
     if wrong:
-        finished = data.endswith(MCAP0_MAGIC, len(MCAP0_MAGIC))
+        file.seek(max(len(MCAP0_MAGIC), size - len(MCAP0_MAGIC)))
+        finished = file.read() == MCAP0_MAGIC
         raise (DamagedFile if finished else TornFile)(f"after byte {whole}")
 
 

@@ -40,7 +40,8 @@ class FrameWriter:
         self._number = -1
         size = _HEAD.size + _SLOTS * (_SLOT.size + width_px * height_px)
         fresh = path.with_name(f"{path.name}.new")
-        with fresh.open("w+b") as file:
+        fresh.unlink(missing_ok=True)  # a left-over, or a link to somewhere
+        with fresh.open("x+b") as file:
             file.truncate(size)
             self._memory = mmap.mmap(file.fileno(), size)
         for slot in range(_SLOTS):

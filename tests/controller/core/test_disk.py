@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from vvvaltr.controller.core.disk import new_folder, write_whole
+from vvvaltr.controller.core.disk import make_own_folder, new_folder, read_text, write_whole
 
 
 def test_a_file_is_written_whole_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
@@ -47,3 +47,66 @@ def test_what_fails_in_a_new_folder_leaves_nothing_and_takes_no_others_place(tmp
 
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
     assert (tmp_path / "a" / "log").read_text() == "of another run"
+
+
+def test_an_interrupt_while_a_folder_gets_its_name_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rename = Path.rename
+
+    def rename_and_interrupt(self: Path, target: Path) -> None:
+        rename(self, target)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "rename", rename_and_interrupt)
+    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "a"):
+        pass
+
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_program_left_of_a_folder_goes_and_what_another_makes_stays(tmp_path: Path) -> None:
+    (tmp_path / ".a-12345678").mkdir()
+    (tmp_path / ".a-12345678" / "log").write_text("half")
+
+    with new_folder(tmp_path / "a") as first:
+        assert not (tmp_path / ".a-12345678").exists()
+        with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "a"):
+            assert first.exists()
+            raise KeyboardInterrupt
+
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+@pytest.mark.parametrize("name", ["a.toml", "a.toml.new"])
+def test_nothing_is_written_through_a_link(tmp_path: Path, name: str) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("secret")
+    (tmp_path / name).symlink_to(secret)
+
+    write_whole(tmp_path / "a.toml", "new")
+
+    assert (secret.read_text(), (tmp_path / "a.toml").read_text()) == ("secret", "new")
+
+
+def test_a_folder_that_is_a_link_is_not_written_to(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "figures").symlink_to(tmp_path / "elsewhere")
+
+    with pytest.raises(OSError, match="it is a link"):
+        make_own_folder(tmp_path / "figures")
+
+
+@pytest.mark.parametrize("name", ["fifo", "folder", "/dev/zero"])
+def test_what_is_no_file_is_not_read(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "folder").mkdir()
+
+    with pytest.raises(OSError, match="not a file"):
+        read_text(tmp_path / name)
+
+
+def test_a_byte_order_mark_is_no_text(tmp_path: Path) -> None:
+    (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbfa = 1")
+
+    assert read_text(tmp_path / "bom.toml") == "a = 1"
