@@ -16,7 +16,8 @@ _RETRY_AFTER_S = 0.001
 _SHOW_UNRAISABLE = sys.unraisablehook  # of the program that this one runs in
 # What is raised there is dropped, and leaves things half done: pymunk's finalizers take shapes out of a space by
 # callbacks from C, and without one of them free a space with a shape in it, whose finalizer then reads freed memory.
-_UNBREAKABLE_MODULES = frozenset({"pymunk", "weakref"})
+# Imports are finished, too: modules of others catch everything there, and go on with half of what they need.
+_UNBREAKABLE_MODULES = frozenset({"pymunk", "weakref", "importlib"})
 _FINALIZER = "__del__"
 
 
@@ -52,7 +53,7 @@ class _RaiseOnce:
 
 
 def _is_unbreakable(frame: FrameType | None) -> bool:
-    """Return whether a finalizer or a callback from C is at work, in ``frame`` or in what called it."""
+    """Return whether a finalizer, a callback from C or an import is at work, in ``frame`` or in what called it."""
     while frame is not None:
         module = str(frame.f_globals.get("__name__", "")).partition(".")[0]
         if module in _UNBREAKABLE_MODULES or frame.f_code.co_name == _FINALIZER:

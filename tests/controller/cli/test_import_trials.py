@@ -41,12 +41,13 @@ def test_trials_become_a_run_in_our_units(tmp_path: Path, capsys: pytest.Capture
 
 @pytest.mark.parametrize(
     ("unit", "score_unit", "duration", "hz", "m_s"),
-    [("hz", "m", "20", 600.0, 5.0), ("rad/s", "mm/s", "", 95.4929658551, 0.1), ("rpm", "m/s", "", 10.0, 100.0)],
+    [("hz", "m", "20", 600.0, 5.0), ("rad/s", "mm/s", "", 95.4929658551, 0.1), ("rpm", "m/s", "", 10.0, 1.0)],
 )
 def test_every_unit_is_understood(
     unit: str, score_unit: str, duration: str, hz: float, m_s: float, tmp_path: Path
 ) -> None:
-    assert imported(tmp_path, unit=unit, duration=duration, **{"score-unit": score_unit}) == 0
+    table = TABLE.replace(",100\n", ",1\n").replace(",40\n", ",0.4\n") if score_unit == "m/s" else TABLE
+    assert imported(tmp_path, table, unit=unit, duration=duration, **{"score-unit": score_unit}) == 0
 
     first = read_run(tmp_path / "lab").trials[0]
     assert (first.trial.gait.frequency_hz[0], first.score) == pytest.approx((hz, m_s))
@@ -169,3 +170,84 @@ def test_an_unknown_unit_is_not_understood(
 
     assert ending.value.code == 2
     assert f"--{option}: unknown value {unit!r} (did you mean {meant}?)" in capsys.readouterr().err
+
+
+HEAD = "RPM_1,RPM_2,RPM_3,Displacement_mm\n"
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        "\ufeffRPM_1;RPM_2;RPM_3;Displacement_mm\n250,5;300;280;51,5\n260;310;0;40,2\n",
+        "sep=;\nRPM_1;RPM_2;RPM_3;Displacement_mm\n250.5;300;280;51.5\n260;310;0;40.2\n",
+        "sep=\t\nRPM_1\tRPM_2\tRPM_3\tDisplacement_mm\n250.5\t300\t280\t51.5\n260\t310\t0\t40.2\n",
+        "RPM_1\tRPM_2\tRPM_3\tDisplacement_mm\n250,5\t300\t280\t51,5\n260\t310\t0\t40,2\n",
+        "RPM_1, RPM_2 , RPM_3, Displacement_mm\n250.5, 300, 280, 51.5\n260, 310, 0, 40.2\n",
+        HEAD + "250.5,300,280,51.5\n260,310,0,40.2\n,,,\n,,,\n",
+        HEAD[:-1] + ",,\n250.5,300,280,51.5,,\n\n260,310,0,40.2,,,,\n",
+        "# carpet\n" + HEAD + "250.5,300,280,51.5\n260,310,0,40.2\n# the battery was low, at the end\n",
+        HEAD.replace("\n", "\r\n") + "250.5,300,280,51.5\r\n260,310,0,40.2\r\n",
+    ],
+)
+def test_tables_of_spreadsheets_of_any_country_are_read(table: str, tmp_path: Path) -> None:
+    assert imported(tmp_path, table) == 0
+
+    trials = read_run(tmp_path / "lab").trials
+    assert [logged.trial.gait.frequency_hz[0] for logged in trials] == pytest.approx([250.5 / 60.0, 260.0 / 60.0])
+    assert [logged.score for logged in trials] == pytest.approx([51.5e-3 / 20.0, 40.2e-3 / 20.0])
+
+
+@pytest.mark.parametrize(
+    ("table", "complaint"),
+    [
+        (
+            HEAD[:-1] + ",Displacement_mm\n1,2,3,51.5,3\n",
+            "has 2 columns 'Displacement_mm': give each a name of its own",
+        ),
+        (HEAD + '1,2,3,"1,234"\n', "write decimals with a point"),
+        (HEAD + "1,2,3,4\nMeasured on carpet,,,\n", "delete it or let it begin with #"),
+        (HEAD + "1,2,3,1_000\n", "'1_000': give a number"),
+        (HEAD.replace(",", ";") + "1;2;3;1.234,5\n", "no separators of thousands"),
+        (HEAD + "1,2,3,0\n", "--zero keep if the robot stood still, or --zero drop"),
+        (HEAD + "1,2,3,500000\n", "that is 25 m/s; allowed: up to 5"),
+    ],
+)
+def test_what_a_table_leaves_open_is_asked(
+    table: str, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert imported(tmp_path, table) == 2
+
+    assert complaint in capsys.readouterr().err
+    assert not (tmp_path / "lab").exists()
+
+
+@pytest.mark.parametrize(("zero", "scores"), [("keep", [0.0, 0.001]), ("drop", [0.001])])
+def test_a_zero_is_what_the_person_says(zero: str, scores: list[float], tmp_path: Path) -> None:
+    assert imported(tmp_path, HEAD + "1,2,3,0\n4,5,6,20\n", zero=zero) == 0
+
+    assert [logged.score for logged in read_run(tmp_path / "lab").trials] == pytest.approx(scores)
+
+
+def test_several_score_columns_are_repeats(tmp_path: Path) -> None:
+    table = "a,b,first,second\n600,300,20,40\n60,30,60,\n"
+
+    assert imported(tmp_path, table, gait="a,b", score="first,second") == 0
+
+    trials = read_run(tmp_path / "lab").trials
+    assert [(logged.trial.gait.frequency_hz[0], logged.score) for logged in trials] == [
+        (10.0, pytest.approx(0.001)),
+        (10.0, pytest.approx(0.002)),
+        (1.0, pytest.approx(0.003)),
+    ]
+
+
+def test_a_movement_of_three_columns_is_kept_as_one(tmp_path: Path) -> None:
+    more = {"gait": "a", "score": "", "movement": "dx,dy,yaw", "yaw-unit": "deg"}
+
+    assert imported(tmp_path, "a,dx,dy,yaw\n600,30,-40,90\n", **more) == 0
+
+    (logged,) = read_run(tmp_path / "lab").trials
+    assert logged.score == pytest.approx(0.0025)
+    assert logged.movement is not None
+    moved = logged.movement.displacement
+    assert (moved.forward_m, moved.left_m, moved.turn_rad) == pytest.approx((0.03, -0.04, 1.5707963))
