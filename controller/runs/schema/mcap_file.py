@@ -113,6 +113,21 @@ def _collect(file: FileDescriptor, files: dict[str, FileDescriptor]) -> None:
     files.setdefault(file.name, file)
 
 
+class _Remaining:
+    """A file of which never more is asked than there is: memory is taken for what is asked."""
+
+    def __init__(self, file: BinaryIO, size: int) -> None:
+        self._file = file
+        self._size = size
+
+    def read(self, count: int = -1) -> bytes:
+        left = self._size - self._file.tell()
+        return self._file.read(left if count < 0 else min(count, left))
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+
 def read_entries(file: BinaryIO) -> Iterator[tuple[str, bytes]]:
     """Yield topic and payload of every message in a file, in the order in which they were written.
 
@@ -129,7 +144,8 @@ def read_entries(file: BinaryIO) -> Iterator[tuple[str, bytes]]:
     topics: dict[int, str] = {}
     whole, wrong = 0, False
     try:
-        for record in StreamReader(file, emit_chunks=True, record_size_limit=min(size, _MOST_RECORD_BYTES)).records:
+        stream = cast(IO[bytes], _Remaining(file, size))
+        for record in StreamReader(stream, emit_chunks=True, record_size_limit=min(size, _MOST_RECORD_BYTES)).records:
             try:
                 found = _messages(record, topics)
             except _WRONG:  # of this record alone: its length was right, so the next one can be read
