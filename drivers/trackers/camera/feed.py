@@ -43,6 +43,7 @@ FLOOR_M = {1: (-0.45, -0.24), 2: (0.45, -0.24), 3: (0.45, 0.24), 4: (-0.45, 0.24
 _HEIGHT_M, _TILTS_RAD = 1.0, (math.radians(3.0), math.radians(1.0))
 _PICTURE_S = 0.02  # a mock tells 50 poses a second; a camera as fast as that also sees how fast the motors turn
 _OUTSIDE_PX, _STILL_M, _CARRIED_AFTER_S = 12, 0.004, 2.0
+_SHORTEST_S = 0.005  # between two poses that tell a speed
 _LONGEST_BYTES = 65536
 _LEAVE_S = 5.0
 
@@ -158,7 +159,7 @@ class Scene:
         self._last = pose
 
     def _velocity(self, pose: Pose) -> Vector:
-        if self._last is None or not 0.0 < (step_s := pose.t_s - self._last.t_s) < 0.1:
+        if self._last is None or not _SHORTEST_S < (step_s := pose.t_s - self._last.t_s) < 0.1:
             return (0.0, 0.0, 0.0)
         x, y, z = ((here - there) / step_s for here, there in zip(pose.position_m, self._last.position_m, strict=True))
         return x, y, z

@@ -32,6 +32,11 @@ def test_a_twin_that_is_lifted_is_shown_higher(scene):
     assert nearer[0] == pytest.approx(0.3 * (1.0 - 0.06) / (1.0 - 0.07), abs=0.001)
 
 
+def test_two_poses_at_almost_the_same_time_tell_no_speed(scene):
+    scene.picture(Pose(0.0, (0.1, 0.0, 0.04)))
+    assert place_seen(scene, Pose(1e-6, (0.101, 0.0, 0.04))) == pytest.approx([0.101, 0.0], abs=0.0005)
+
+
 def test_a_hand_hides_the_robot(scene):
     scene.picture(Pose(0.0, (0.1, 0.0, 0.04)))
     assert place_seen(scene, None) is None
