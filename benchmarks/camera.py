@@ -205,8 +205,14 @@ class Shown(threading.Thread):
             else:
                 self._feed.send(Pose(now_s, (*self.place(now_s), 0.04), 0.3))
 
+    def hide(self) -> None:
+        """Hide the robot, and return once that has been told."""
+        self.is_hidden = True
+        while self.told[-1][1] is not None:
+            time.sleep(0.002)
+
     def is_true(self, pose: Pose) -> bool:
-        """Whether the robot was to be seen, and there, at the time of ``pose``: a late picture shows what was told last."""
+        """Whether the robot was to be seen, and there, at the time of ``pose``: pictures show what was told last."""
         told = self.told[max(0, bisect.bisect_right(self.told, pose.t_s, key=lambda each: each[0]) - 1)][1]
         return told is not None and math.dist(told, pose.position_m[:2]) < 0.001
 
@@ -225,7 +231,7 @@ def occlusions(count: int) -> dict[str, Any]:
         with closing(CameraTracker(table)) as tracker:
             for _ in range(count):
                 _until_seen(tracker)
-                shown.is_hidden = True
+                shown.hide()
                 ends_s = time.monotonic() + table.age_limit_s + dice.uniform(0.1, 0.3)
                 found = _watch(tracker, ends_s)
                 looks += len(found)

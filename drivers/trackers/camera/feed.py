@@ -118,10 +118,12 @@ class Scene:
         self._painter, self._view = painter, view
         self._rest_z_m: float | None = None
         self._last: Pose | None = None
+        self._is_hidden = False
         self._origin_m, self._still_m, self._still_s = (0.0, 0.0), (0.0, 0.0), 0.0
 
     def picture(self, pose: Pose | None) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
         """Return the picture of a pose; of None, a hand over where the robot was last."""
+        self._is_hidden = pose is None
         if pose is None:
             where = self._shown(self._last, 0.0)[:2] if self._last else (0.0, 0.0)
             return self._painter.picture(None, hand_m=where)
@@ -135,8 +137,8 @@ class Scene:
         return self._painter.picture(lifted, velocity, struts)
 
     def at_rest(self, t_s: float) -> Pose | None:
-        """Return the last pose, still the same at ``t_s``; None before the first."""
-        return replace(self._last, t_s=t_s) if self._last else None
+        """Return the last pose, still the same at ``t_s``; None before the first, and while a hand hides the robot."""
+        return replace(self._last, t_s=t_s) if self._last and not self._is_hidden else None
 
     def _shown(self, pose: Pose, z_m: float) -> Vector:
         return pose.position_m[0] - self._origin_m[0], pose.position_m[1] - self._origin_m[1], z_m
@@ -188,10 +190,11 @@ def _writer(path: Path) -> FrameWriter:
 def _draw_all(inbox: socket.socket, scene: Scene, writer: FrameWriter) -> None:
     inbox.settimeout(2.0 * _PICTURE_S)
     while True:
+        began_s = time.monotonic()
         try:
             pose = _newest(inbox, scene)
-        except TimeoutError:  # a camera goes on to give pictures
-            pose = scene.at_rest(time.monotonic())
+        except TimeoutError:  # a camera goes on to give pictures; what has come since then, it does not know
+            pose = scene.at_rest(began_s)
         writer.write(pose.t_s if pose else time.monotonic(), scene.picture(pose))
 
 

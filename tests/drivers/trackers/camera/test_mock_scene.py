@@ -40,6 +40,9 @@ def test_two_poses_at_almost_the_same_time_tell_no_speed(scene):
 def test_a_hand_hides_the_robot(scene):
     scene.picture(Pose(0.0, (0.1, 0.0, 0.04)))
     assert place_seen(scene, None) is None
+    assert scene.at_rest(1.0) is None  # and goes on to do so while nothing is told
+    scene.picture(Pose(2.0, (0.1, 0.0, 0.04)))
+    assert scene.at_rest(3.0) == Pose(3.0, (0.1, 0.0, 0.04))
 
 
 def test_a_robot_that_has_left_the_picture_is_carried_back_once_it_lies_still(scene):
