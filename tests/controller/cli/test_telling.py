@@ -43,7 +43,7 @@ def test_verbose_tells_each_step_above_the_progress_bar(capsys: pytest.CaptureFi
 def test_quiet_tells_nothing_of_what_goes_well(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert told((*TRIAL, "--quiet"), capsys) == ""
     assert (
-        told(("learn", "--duration", "0.2", "--trials", "2", "--quiet", "--out", str(tmp_path / "run")), capsys) == ""
+        told(("learn", "--duration", "1", "--trials", "2", "--quiet", "--out", str(tmp_path / "run")), capsys) == ""
     )
 
 
