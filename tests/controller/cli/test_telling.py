@@ -42,9 +42,7 @@ def test_verbose_tells_each_step_above_the_progress_bar(capsys: pytest.CaptureFi
 
 def test_quiet_tells_nothing_of_what_goes_well(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert told((*TRIAL, "--quiet"), capsys) == ""
-    assert (
-        told(("learn", "--duration", "1", "--trials", "2", "--quiet", "--out", str(tmp_path / "run")), capsys) == ""
-    )
+    assert told(("learn", "--duration", "1", "--trials", "2", "--quiet", "--out", str(tmp_path / "run")), capsys) == ""
 
 
 def test_quiet_still_tells_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
