@@ -155,9 +155,9 @@ class _Plan:
 
     def next(self) -> Suggestion | None:
         """Return the next suggestion; None at the end of the run."""
-        if self._finalists is None and (gait := to_repeat(self.trials)) is not None:
-            return Suggestion(gait, "repeats a suspect trial", phase=Phase.ASKED)
         if self._finalists is None and not self._is_search_over():
+            if (gait := to_repeat(self.trials)) is not None:
+                return Suggestion(gait, "repeats a suspect trial")
             reference = self._budget.reference
             if reference is not None and since_reference(self.trials) >= self._budget.reference_every:
                 return Suggestion(reference, "reference", phase=Phase.REFERENCE)

@@ -81,6 +81,21 @@ def test_a_run_repeats_a_gait_whose_motor_stood_still_and_learns_from_none_of_it
     assert optimizer.told == 6 == sum(it.score is not None for it in made)
 
 
+def test_the_repeat_of_a_suspect_trial_is_one_of_the_trials_asked_for():
+    robot, recorded = planar_robot(seed=1), []
+
+    def weaken(logged):
+        recorded.append(logged)
+        share = 0.1 if logged.trial.number == 3 else 1.0
+        robot._scatter = replace(robot._scatter, step=1.0 - share, step_factor=max(share, 0.1))
+
+    made = list(learn(robot, Fixed(), TrialSettings(duration_s=2.0), Budget(6), weaken))
+
+    origins = [it.suggestion.origin for it in made]
+    assert len(made) == 6
+    assert [it.review.is_suspect for it in made].index(True) + 1 == origins.index("repeats a suspect trial")
+
+
 def test_the_reference_comes_after_every_so_many_trials_of_the_search_and_on_top_of_them():
     reference = Gait((10.0, 10.0, 10.0))
     budget = Budget(7, reference=reference, reference_every=3)
