@@ -13,6 +13,7 @@ from vvvaltr.transfer.causes.standing import describe_standing, is_far_below
 from vvvaltr.transfer.causes.strength import Loss, find_loss
 
 _TURNS = 0.2  # share of its commanded frequency below which a motor does not turn
+_SPUN_UP_S = 1.0  # since the drive began
 _COMMANDED_HZ = 2.0  # below which a motor need not start
 _RECENT = 60  # trials that are searched for a loss
 _SAME_LOSS = 5  # trials by which the start of one loss may shift as more is known
@@ -22,9 +23,10 @@ _STANDS_FOR = 0.3  # share of a drive's second half in which it must stand
 def fault_standing_motor(trial: Trial) -> Trial:
     """Return the trial as faulted if the device measured that a motor did not turn in it; else the trial itself.
 
-    The second half of the drive counts: motors have spun up by then, and one that stopped has stopped.
+    The second half of the drive counts, after its first second: motors have spun up by then, and one that stopped has
+    stopped. A shorter drive is not judged.
     """
-    states = [state for state in trial.states if state.t_s > 0.5 * trial.duration_s]
+    states = [state for state in trial.states if state.t_s > max(_SPUN_UP_S, 0.5 * trial.duration_s)]
     if not trial.outcome.is_valid or not states or not all(state.measured for state in states):
         return trial
     measured_hz = np.abs([state.frequency_hz for state in states])

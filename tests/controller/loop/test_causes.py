@@ -15,8 +15,8 @@ SHORT = TrialSettings(duration_s=0.6)
 
 
 def trial(*frequency_hz, number=1, measured=True, gait=GAIT):
-    states = tuple(MotorState(0.1 * k, frequency_hz, measured) for k in range(1, 11))
-    return Trial(number, gait, Outcome.COMPLETED, "", 0.0, 1.0, states=states)
+    states = tuple(MotorState(0.1 * k, frequency_hz, measured) for k in range(1, 31))
+    return Trial(number, gait, Outcome.COMPLETED, "", 0.0, 3.0, states=states)
 
 
 def logged(speed_m_s, number, history=(), gait=GAIT):
@@ -41,6 +41,12 @@ def test_a_motor_that_its_device_measures_at_rest_faults_the_trial_and_is_named(
 def test_a_trial_whose_motors_turn_or_are_not_measured_is_left_alone():
     for fine in (trial(12.0, -13.9, 0.0), trial(12.0, 0.0, 0.0, measured=False), replace(trial(), states=())):
         assert fault_standing_motor(fine) is fine
+
+
+def test_a_drive_too_short_for_motors_to_spin_up_is_not_judged():
+    short = replace(trial(12.0, 0.1, 0.0), duration_s=0.8, states=trial(12.0, 0.1, 0.0).states[:8])
+
+    assert fault_standing_motor(short) is short
 
 
 def test_a_trial_far_below_the_gaits_others_is_suspect_in_words_and_is_repeated_once():
