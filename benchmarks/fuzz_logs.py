@@ -49,7 +49,7 @@ def make_run(folder: Path) -> Path:
 def read(log: Path) -> Entries:
     """Return the messages of a log."""
     with log.open("rb") as file:
-        return [(topic, _KINDS[topic].FromString(payload)) for topic, payload in read_entries(file)]
+        return [(topic, _KINDS[topic].FromString(payload)) for topic, _, payload in read_entries(file)]
 
 
 def write(entries: Entries, log: Path) -> None:

@@ -101,9 +101,7 @@ def _write_run(path: Path, trials: Sequence[LoggedTrial], found: str) -> None:
     from vvvaltr.controller.runs.log import LOG_NAME, RunLog, describe_maker
 
     with new_folder(path) as fresh:
-        with RunLog.create(fresh / LOG_NAME, structure=None, about=describe_maker("imported")) as log:
-            for logged in trials:
-                log.append(logged)
+        RunLog.create(fresh / LOG_NAME, structure=None, about=describe_maker("imported"), trials=trials).close()
         write_whole(fresh / "summary.json", found)
 
 

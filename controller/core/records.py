@@ -6,7 +6,7 @@ A field that is None, or empty, was not known: it is never a made-up number.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -183,6 +183,10 @@ class LoggedTrial:
 
     def __post_init__(self) -> None:
         check_finite(score_m_s=self.score)
+
+    def without_recordings(self) -> LoggedTrial:
+        """Return the trial without what was recorded during the drive, which is all but a few hundred bytes of it."""
+        return replace(self, trial=replace(self.trial, poses=(), commands=(), states=(), photos=()))
 
 
 class EventKind(StrEnum):

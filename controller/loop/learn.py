@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 
@@ -232,15 +232,16 @@ def _stop_if_hopeless(trial: Trial, failures: int) -> None:
         raise UserError(f"{failures} trials in a row failed; the last one: {trial.outcome}: {trial.reason}")
 
 
-def make_source(name: str, trials: Sequence[LoggedTrial], score_name: str) -> Source:
+def make_source(name: str, trials: Iterable[LoggedTrial], score_name: str) -> Source:
     """Return the valid trials of another run as a source, with the score called ``score_name``.
 
     Raises:
         ValueError: there is no valid trial, or the trials were imported and have no path to compute this score from.
     """
-    valid = [logged for logged in trials if logged.score is not None]
-    scores = tuple(_score_again(name, logged, score_name) for logged in valid)
-    return Source(name, tuple(logged.trial.gait for logged in valid), scores)
+    valid = [
+        (logged.trial.gait, _score_again(name, logged, score_name)) for logged in trials if logged.score is not None
+    ]
+    return Source(name, tuple(gait for gait, _ in valid), tuple(score for _, score in valid))
 
 
 def _score_again(name: str, logged: LoggedTrial, score_name: str) -> float:

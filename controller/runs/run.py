@@ -23,7 +23,7 @@ from vvvaltr.controller.loop.summary import summarise
 from vvvaltr.controller.robot.choice import option
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.runs.config import RunConfig, check_config, load_config, refuse_difference, save_config
-from vvvaltr.controller.runs.log import LOG_NAME, RunLog, describe_maker, read_run
+from vvvaltr.controller.runs.log import LOG_NAME, RunLog, describe_maker, read_run, read_trials
 from vvvaltr.transfer.methods.registry import make_optimizer
 
 _FORMER_HEADING_LIMIT_RAD = 1.0  # of runs on twins that do not name theirs
@@ -37,10 +37,10 @@ class RunDirectory:
         self.config = config
         self.optimizer = optimizer
         self.space = make_search_space(config, rig.robot.motors.motor_count)
-        self.trials = list(logged.trials)
+        # Without their recordings, which are in the log: a long run must not fill the memory.
+        self.trials = [logged.without_recordings() for logged in logged.trials]
         self._rig = rig
         self._log = log
-        self._head = logged
 
     @classmethod
     def create(cls, path: Path, asked: dict[str, Any]) -> RunDirectory:
@@ -77,7 +77,7 @@ class RunDirectory:
         stored = load_config(path)
         refuse_difference(stored, asked)
         config = msgspec.structs.replace(stored, trials=asked.get("trials", stored.trials))
-        before = read_run(path / LOG_NAME)
+        before = read_run(path / LOG_NAME, recordings=False)
         sources = before.sources
         with _blame(path / "run.toml"):
             _make_budget(config)
@@ -87,7 +87,7 @@ class RunDirectory:
             with _blame(path / "run.toml"):
                 _check_motors(config, rig, str)
                 optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
-            log, logged = RunLog.recover(path / LOG_NAME)
+            log, logged = RunLog.recover(path / LOG_NAME, recordings=False)
             if config != stored:
                 save_config(config, path / "run.toml")
             undo.pop_all()
@@ -95,8 +95,8 @@ class RunDirectory:
 
     @property
     def logged(self) -> Run:
-        """The contents of the log."""
-        return replace(self._head, trials=tuple(self.trials))
+        """The contents of the log, with all recordings, read from the disk."""
+        return read_run(self.path)
 
     def learn(
         self, observers: Sequence[Observer] = (), watch: Callable[[Robot], Robot] | None = None
@@ -129,7 +129,7 @@ class RunDirectory:
 
     def _record(self, logged: LoggedTrial) -> None:
         self._log.append(logged)
-        self.trials.append(logged)
+        self.trials.append(logged.without_recordings())
         if not self._log.is_at(self.path / LOG_NAME):
             raise UserError(
                 f"{self.path} was moved or deleted: the run ends here; continue it by --resume where it is now"
@@ -158,7 +158,7 @@ def load_source(path: Path, score_name: str) -> Source:
     """
     log = path / LOG_NAME if path.is_dir() else path
     with one_line_errors():
-        return make_source(str(path), read_run(log).trials, score_name)
+        return make_source(str(path), read_trials(log), score_name)
 
 
 def make_search_space(config: RunConfig, motor_count: int) -> GaitSpace:

@@ -70,13 +70,13 @@ def _thin(poses: Sequence[Pose], structure: Structure | None, draw: _Draw, most_
     """Return evenly spaced poses, the first one among them: as many as can be drawn in ``most_bytes``."""
     if not poses:
         return ()
-    each_bytes = sum(count_bytes(message) for _, message in draw(poses[0], structure, _timestamp(10**18)))
+    each_bytes = sum(count_bytes(message.ByteSize()) for _, message in draw(poses[0], structure, _timestamp(10**18)))
     return poses[:: max(1, math.ceil(len(poses) * each_bytes / most_bytes))]
 
 
-def count_bytes(message: Message) -> int:
-    """Return how many bytes a message takes in a log."""
-    return message.ByteSize() + _MESSAGE_BYTES
+def count_bytes(payload_bytes: int) -> int:
+    """Return how many bytes a message of so many takes in a log."""
+    return payload_bytes + _MESSAGE_BYTES
 
 
 def _draw_transform(pose: Pose, structure: Structure | None, now: Timestamp) -> list[tuple[str, Message]]:

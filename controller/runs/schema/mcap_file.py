@@ -5,18 +5,19 @@ from __future__ import annotations
 import fcntl
 import os
 import struct
+import zlib
 from collections.abc import Iterator
-from io import FileIO
+from io import BytesIO, FileIO
 from pathlib import Path
-from typing import IO, BinaryIO, cast
+from typing import IO, NamedTuple, cast
 
 from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from google.protobuf.message import Message
+from google.protobuf.message import Message as Protobuf
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Channel, Chunk, McapRecord
-from mcap.records import Message as Entry
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC, Writer
 
@@ -25,6 +26,19 @@ from vvvaltr.controller.core.errors import UserError
 _MOST_RECORD_BYTES = 256 << 20  # a trial of four hours
 # What the library raises on bytes that stop short or are wrong.
 _WRONG = (McapError, struct.error, ValueError, OverflowError, KeyError)
+
+
+_RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")  # what a record, and a message, begin with
+
+_READ = frozenset({Opcode.CHUNK, Opcode.CHANNEL, Opcode.MESSAGE})
+
+
+class Entry(NamedTuple):
+    """A message of a file: its topic, its time in nanoseconds since 1970, and its bytes."""
+
+    topic: str
+    log_time_ns: int
+    payload: bytes
 
 
 class TornFile(Exception):
@@ -95,7 +109,7 @@ def lock(file: IO[bytes] | FileIO, path: Path) -> None:
         pass  # a file system without locks; the log itself needs none
 
 
-def register(writer: Writer, topic: str, kind: type[Message]) -> int:
+def register(writer: Writer, topic: str, kind: type[Protobuf]) -> int:
     """Open a topic for one kind of message, and return its channel."""
     files: dict[str, FileDescriptor] = {}
     _collect(cast(FileDescriptor, kind.DESCRIPTOR.file), files)
@@ -113,23 +127,8 @@ def _collect(file: FileDescriptor, files: dict[str, FileDescriptor]) -> None:
     files.setdefault(file.name, file)
 
 
-class _Remaining:
-    """A file of which never more is asked than there is: memory is taken for what is asked."""
-
-    def __init__(self, file: BinaryIO, size: int) -> None:
-        self._file = file
-        self._size = size
-
-    def read(self, count: int = -1) -> bytes:
-        left = self._size - self._file.tell()
-        return self._file.read(left if count < 0 else min(count, left))
-
-    def tell(self) -> int:
-        return self._file.tell()
-
-
-def read_entries(file: BinaryIO) -> Iterator[tuple[str, bytes]]:
-    """Yield topic and payload of every message in a file, in the order in which they were written.
+def read_entries(file: IO[bytes]) -> Iterator[Entry]:
+    """Yield every message of a file that is open at its beginning, in the order in which they were written.
 
     No more of it is in memory than one record.
 
@@ -137,46 +136,85 @@ def read_entries(file: BinaryIO) -> Iterator[tuple[str, bytes]]:
         TornFile: the end is missing. All complete messages have been yielded.
         DamagedFile: it is not an MCAP file, or wrong bytes precede right ones.
     """
-    if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-        raise DamagedFile("not an MCAP file")
     size = file.seek(0, os.SEEK_END)
+    finished = size >= len(MCAP0_MAGIC) and _read_at(file, size - len(MCAP0_MAGIC)) == MCAP0_MAGIC
+    if _read_at(file, 0) != MCAP0_MAGIC:
+        raise DamagedFile("not an MCAP file")
     file.seek(0)
     topics: dict[int, str] = {}
     whole, wrong = 0, False
     try:
-        stream = cast(IO[bytes], _Remaining(file, size))
-        for record in StreamReader(stream, emit_chunks=True, record_size_limit=min(size, _MOST_RECORD_BYTES)).records:
+        for kind, content, end in _read_records(file, size):
             try:
-                found = _messages(record, topics)
+                found = _messages(kind, content, topics)
             except _WRONG:  # of this record alone: its length was right, so the next one can be read
                 wrong = True
                 continue
             if found and wrong:
                 raise DamagedFile(f"after byte {whole}")
             yield from found
-            whole = file.tell()
+            whole = end
     except EndOfFile:
         wrong = wrong or whole < size
     except _WRONG:
         wrong = True
     if wrong:
-        file.seek(max(len(MCAP0_MAGIC), size - len(MCAP0_MAGIC)))
-        finished = file.read() == MCAP0_MAGIC
-        raise (DamagedFile if finished else TornFile)(f"after byte {whole}")
+        raise (DamagedFile if finished and size > len(MCAP0_MAGIC) else TornFile)(f"after byte {whole}")
 
 
-def _messages(record: McapRecord, topics: dict[int, str]) -> list[tuple[str, bytes]]:
-    """Return topic and payload of the messages in one record, and note the topics of the channels in it."""
-    found = []
-    for inner in _unpacked(record) if isinstance(record, Chunk) else [record]:
-        if isinstance(inner, Channel):
-            topics[inner.id] = inner.topic
-        elif isinstance(inner, Entry):
-            found.append((topics[inner.channel_id], inner.data))
-    return found
+def _read_at(file: IO[bytes], place: int) -> bytes:
+    file.seek(place)
+    return file.read(len(MCAP0_MAGIC))
 
 
-def _unpacked(chunk: Chunk) -> list[McapRecord]:
+def _read_records(file: IO[bytes], size: int) -> Iterator[tuple[int, bytes, int]]:
+    """Yield kind, content and end of all records up to the footer. Of those that do not matter here none is read.
+
+    Raises:
+        EndOfFile: a record is longer than the rest of the file, or there is no footer.
+    """
+    at = len(MCAP0_MAGIC)
+    while True:
+        file.seek(at)
+        kind, length = _RECORD.unpack(file.read(_RECORD.size).ljust(_RECORD.size, b"\0"))
+        at += _RECORD.size + length
+        if kind == 0 or at > size:
+            raise EndOfFile
+        if length > _MOST_RECORD_BYTES:
+            raise McapError("a record that is larger than any run writes")
+        yield kind, file.read(length) if kind in _READ else b"", at
+        if kind == Opcode.FOOTER:
+            return
+
+
+def _messages(kind: int, content: bytes, topics: dict[int, str]) -> list[Entry]:
+    """Return the messages in one record, and note the topics of the channels in it."""
+    if kind != Opcode.CHUNK:
+        return _split(_RECORD.pack(kind, len(content)) + content, topics)
+    return _unpack(Chunk.read(ReadDataStream(BytesIO(content))), topics)
+
+
+def _unpack(chunk: Chunk, topics: dict[int, str]) -> list[Entry]:
+    """Return the messages of a chunk, in a tenth of the time that the library takes for its objects."""
     if chunk.compression:
         raise DamagedFile("its chunks are compressed, which no run writes")
-    return breakup_chunk(chunk, validate_crc=True)
+    if chunk.uncompressed_crc and zlib.crc32(chunk.data) != chunk.uncompressed_crc:
+        raise McapError("a chunk with a wrong checksum")
+    return _split(chunk.data, topics)
+
+
+def _split(data: bytes, topics: dict[int, str]) -> list[Entry]:
+    """Return the messages in some records, and note the topics of the channels in them."""
+    found, at = [], 0
+    while at < len(data):
+        kind, length = _RECORD.unpack_from(data, at)
+        begin, at = at + _RECORD.size, at + _RECORD.size + length
+        if at > len(data):
+            raise McapError("a record that is longer than its chunk")
+        if kind == Opcode.MESSAGE:
+            channel, _, log_time_ns, _ = _MESSAGE.unpack_from(data, begin)
+            found.append(Entry(topics[channel], log_time_ns, data[begin + _MESSAGE.size : at]))
+        elif kind == Opcode.CHANNEL:
+            inner = Channel.read(ReadDataStream(BytesIO(data[begin:at])))
+            topics[inner.id] = inner.topic
+    return found

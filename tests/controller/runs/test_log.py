@@ -47,10 +47,10 @@ from vvvaltr.controller.core.values import (
     Suggestion,
     Trial,
 )
-from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
+from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run, read_trials
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
-from vvvaltr.controller.runs.schema.mcap_file import register
+from vvvaltr.controller.runs.schema.mcap_file import NewFile, register
 from vvvaltr.controller.runs.schema.trial_codec import decode_trial
 
 RUN = sample_run()
@@ -496,3 +496,57 @@ def test_closing_twice_is_harmless_and_appending_afterwards_is_refused(tmp_path:
     log.close()
     with pytest.raises(ValueError, match="closed"):
         log.append(logged_trial(1))
+
+
+def test_a_resumed_log_keeps_the_bytes_of_every_recording_without_holding_them_in_memory(tmp_path: Path) -> None:
+    path, trials = tmp_path / "trials.mcap", tuple(logged_trial(number) for number in range(1, 8))
+    with RunLog.create(path, STRUCTURE) as log:
+        for logged in trials:
+            log.append(logged)
+
+    log, run = RunLog.recover(path, recordings=False)
+    log.append(logged_trial(8))
+    log.close()
+
+    assert run.trials == tuple(logged.without_recordings() for logged in trials)
+    assert not any(logged.trial.poses or logged.trial.states or logged.trial.commands for logged in run.trials)
+    assert read_run(path).trials == (*trials, logged_trial(8))
+
+
+def test_trials_are_read_one_by_one(tmp_path: Path) -> None:
+    path, trials = tmp_path / "trials.mcap", [logged_trial(number) for number in range(1, 4)]
+    RunLog.create(path, STRUCTURE, trials=trials).close()
+
+    assert list(read_trials(path)) == trials
+    assert list(read_run(path, recordings=False).trials) == [logged.without_recordings() for logged in trials]
+
+
+def test_many_trials_share_chunks_and_one_sync(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced = []
+    sync = NewFile.sync
+    monkeypatch.setattr(NewFile, "sync", lambda disk: synced.append(disk.tell()) or sync(disk))  # type: ignore[func-returns-value]
+    trials = [logged_trial(number, poses=2) for number in range(1, 101)]
+
+    log = RunLog.create(tmp_path / "trials.mcap", STRUCTURE, trials=trials)
+
+    assert len(synced) == 1
+    log.close()
+    assert len(list(read_trials(tmp_path / "trials.mcap"))) == 100
+
+
+def test_a_log_that_was_killed_between_two_trials_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / LOG_NAME
+    path.write_bytes(unfinished_log(tmp_path / "whole", RUN))
+
+    RunLog.recover(path)[0].close()
+
+    assert not path.with_name(f"{LOG_NAME}.torn").exists()
+
+
+def test_a_length_beyond_the_file_takes_no_memory(tmp_path: Path, finished: bytes) -> None:
+    path, chunk = tmp_path / LOG_NAME, finished.index(b"initial design")
+    record = finished.rindex(b"\x06", 0, chunk)  # the chunk that holds it
+    path.write_bytes(finished[: record + 1] + b"\xff" * 7 + finished[record + 8 :])
+
+    with pytest.raises(UserError, match="is damaged"):
+        read_run(path)

@@ -1,0 +1,162 @@
+"""From the messages of a log to the run that they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import IO, TypeVar
+
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from google.protobuf.message import DecodeError, Message
+
+from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.values import Command, MotorState, Pose, Suggestion
+from vvvaltr.controller.loop.movement import measure_applied, measure_movement
+from vvvaltr.controller.runs.schema import codec
+from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
+from vvvaltr.controller.runs.schema.limits import check_message, check_record, check_size
+from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, Entry, TornFile, read_entries
+from vvvaltr.controller.runs.schema.trial_codec import decode_trial
+
+FORMAT = 2  # version 0.1 wrote format 1
+_RECORDINGS = frozenset({"/robot/tracking", "/motors/command", "/motors/state", "/tracker/picture"})
+
+
+@dataclass(slots=True)
+class Contents:
+    """What has been read of a log so far.
+
+    Args:
+        path: the log's name, for errors.
+        recordings: whether to keep what was recorded during the drives: poses, commands, states and pictures.
+    """
+
+    path: Path
+    recordings: bool = True
+    is_torn: bool = False
+    head: Run | None = None
+    begin_ns: int = 0
+    format: int = FORMAT
+    suggestion: Suggestion | None = None
+    poses: list[Pose] = field(default_factory=list)
+    commands: list[Command] = field(default_factory=list)
+    states: list[MotorState] = field(default_factory=list)
+    pictures: list[CompressedImage] = field(default_factory=list)
+    trials: list[LoggedTrial] = field(default_factory=list)
+
+    def read(self, file: IO[bytes]) -> Iterator[list[Entry]]:
+        """Read an open log, and yield the messages of each complete trial once it has been added.
+
+        Raises:
+            UserError: the file is not the log of a run, is damaged, or was written by a newer version.
+        """
+        messages: list[Entry] = []
+        try:
+            for entry in read_entries(file):
+                self._take(entry)
+                messages.append(entry)
+                if entry.topic == "/trial":
+                    yield messages
+                    self._drop_recordings()
+                if entry.topic in ("/trial", "/run"):
+                    messages = []
+        except TornFile:
+            self.is_torn = True
+        except (DamagedFile, DecodeError, ValueError) as error:
+            raise UserError(f"{self.path} is damaged ({error}): restore a copy of it, or begin a new run") from error
+
+    def _drop_recordings(self) -> None:
+        if self.trials and not self.recordings:
+            self.trials[-1] = self.trials[-1].without_recordings()
+
+    def _take(self, entry: Entry) -> None:
+        """Add one message. What other programs have put on topics of their own is passed over."""
+        topic, payload = entry.topic, entry.payload
+        check_size(topic, payload)
+        if topic in _RECORDINGS and not self._needs_recordings:
+            return
+        match topic:
+            case "/run":
+                self.begin_ns = entry.log_time_ns
+                self._begin(_checked(pb.Run.FromString(payload)))
+            case "/optimizer/suggestion":
+                self.suggestion = codec.decode_suggestion(_checked(pb.Suggestion.FromString(payload)))
+            case "/robot/tracking":
+                self.poses.append(codec.decode_tracking(_recorded(pb.Tracking.FromString(payload))))
+            case "/motors/command":
+                self.commands.append(codec.decode_command(_recorded(pb.Command.FromString(payload))))
+            case "/motors/state":
+                self.states.append(codec.decode_state(_recorded(pb.MotorState.FromString(payload))))
+            case "/tracker/picture":
+                self.pictures.append(CompressedImage.FromString(payload))
+            case "/trial":
+                self._end_trial(_checked(pb.Trial.FromString(payload)))
+
+    def run(self) -> Run:
+        """Return what has been read, without a trial that has no end."""
+        if self.head is None:
+            raise UserError(f"{self.path} holds no run: give the log of one, or begin the run again")
+        return replace(self.head, trials=tuple(self.trials))
+
+    @property
+    def _needs_recordings(self) -> bool:
+        return self.recordings or self.format == 1  # whose movements are measured anew
+
+    def _begin(self, message: pb.Run) -> None:
+        if message.format > FORMAT:
+            raise UserError(
+                f"{self.path} has log format {message.format}, but this version reads up to {FORMAT}: upgrade vvvaltr"
+            )
+        self.head, self.format = codec.decode_run(message), message.format
+
+    def _end_trial(self, message: pb.Trial) -> None:
+        if self.suggestion is None:
+            raise ValueError(f"trial {message.number} has no suggestion")
+        self._check_motors(message)
+        logged = decode_trial(message, self.suggestion, self.poses, self.commands, self.states)
+        began_ns = nanoseconds(logged.trial.started_unix_s)
+        photos = tuple(codec.decode_photo(picture, began_ns) for picture in self.pictures)
+        logged = replace(logged, trial=replace(logged.trial, photos=photos))
+        logged = _with_movement(logged) if self.format == 1 else logged
+        self.trials.append(logged)
+        self.suggestion, self.poses, self.commands, self.states, self.pictures = None, [], [], [], []
+
+    def _check_motors(self, message: pb.Trial) -> None:
+        """Raise ValueError unless everything of a run is about the same number of motors."""
+        gaits = [message.gait, *message.steering.plan]
+        if message.HasField("recommendation"):
+            gaits.append(message.recommendation.gait)
+        counts = {len(gait.frequency_hz) for gait in gaits} | {len(state.frequency_hz) for state in self.states}
+        known = (self.suggestion, *self.commands, *(logged.trial for logged in self.trials[:1]))
+        counts |= {each.gait.motor_count for each in known if each is not None}
+        motors = len(message.gait.frequency_hz)
+        if counts != {motors} or not motors:
+            raise ValueError(f"trial {message.number} is not about {motors} motors as the others are")
+
+
+_Message = TypeVar("_Message", bound=Message)
+_Record = TypeVar("_Record", pb.Tracking, pb.Command, pb.MotorState)
+
+
+def _checked(message: _Message) -> _Message:
+    """Return a message that a run could have written. Raises ValueError."""
+    check_message(message)
+    return message
+
+
+def _recorded(message: _Record) -> _Record:
+    """Return what a trial could have recorded. Raises ValueError."""
+    check_record(message)
+    return message
+
+
+def _with_movement(logged: LoggedTrial) -> LoggedTrial:
+    """Return a trial of a log of format 1 with what its poses and states tell, which later formats keep beside them."""
+    return replace(logged, movement=measure_movement(logged.trial), applied=measure_applied(logged.trial))
+
+
+def nanoseconds(seconds: float) -> int:
+    """Return a time in nanoseconds."""
+    return round(seconds * 1e9)
