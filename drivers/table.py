@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import msgspec
 from msgspec import Meta
@@ -51,6 +51,9 @@ class MotorTable(Table, frozen=True, kw_only=True):
 class LineTable(Table, frozen=True, kw_only=True, tag_field="driver"):
     """A line to one device, or to several of one kind. A subclass sets ``tag`` to the name of its driver."""
 
+    addresses: ClassVar[frozenset[str]] = frozenset({"port", "interface", "channel"})
+    """The keys that say where the device is; they alone may change when a run goes on."""
+
     motor: tuple[MotorTable, ...]
 
     def check(self) -> None:
@@ -64,6 +67,9 @@ class LineTable(Table, frozen=True, kw_only=True, tag_field="driver"):
 
 class TrackerTable(Table, frozen=True, kw_only=True, tag_field="kind"):
     """A tracker. A subclass sets ``tag`` to the name of its kind."""
+
+    addresses: ClassVar[frozenset[str]] = frozenset({"host", "port", "data_port", "multicast", "source"})
+    """The keys that say where the poses come from; they alone may change when a run goes on."""
 
     def located(self, folder: Path) -> Self:
         """Return the table with paths, which count from the folder of the robot's file, as they are from here."""

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -58,6 +60,7 @@ _canary = pytest.StashKey[Canary]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="vvvaltr-state-")  # of all processes: not the developer's
     config.stash[_canary] = Canary()
     config.add_cleanup(config.stash[_canary].close)
 

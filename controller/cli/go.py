@@ -63,7 +63,7 @@ def _open(arguments: Namespace) -> GoRun:
             raise NotUnderstood(
                 "--resume goes on with the run's own goals and movements; leave out X Y, --path, --repertoire"
             )
-        return GoRun.resume(arguments.resume)
+        return GoRun.resume(arguments.resume, arguments.robot)
     errand = _errand(arguments)
     if not arguments.repertoire:
         raise NotUnderstood("go needs movements: name a run by --repertoire, or learn some by vvvaltr repertoire")

@@ -81,9 +81,10 @@ def _open(arguments: Namespace, out: Path) -> RepertoireRun:
 
     asked = asked_robot(arguments)
     if arguments.resume is not None:
+        robot_file = asked.pop("name", None)
         if asked or arguments.range_hz or arguments.duration_s or arguments.seed is not None:
-            raise NotUnderstood("--resume goes on with the run's own robot; leave out all but --gaits")
-        return RepertoireRun.resume(arguments.resume, arguments.trials)
+            raise NotUnderstood("--resume goes on with the run's own robot; leave out all but --gaits and --robot FILE")
+        return RepertoireRun.resume(arguments.resume, arguments.trials, robot_file)
     if arguments.range_hz is not None:
         asked["range_hz"] = tuple(arguments.range_hz)
     return RepertoireRun.create(out, asked, arguments.seed or 0, arguments.trials or 40, arguments.duration_s)

@@ -17,6 +17,7 @@ from vvvaltr.controller.core.spelling import did_you_mean
 from vvvaltr.controller.core.values import Quantity
 from vvvaltr.controller.loop.scoring import SCORES
 from vvvaltr.controller.robot.choice import RobotChoice, option
+from vvvaltr.controller.runs.trust import choose_resumed_robot, seal
 
 CONFIG_NAME = "run.toml"
 FORMAT = 2
@@ -52,6 +53,7 @@ class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
         heading_limit_rad: greatest change of heading, infinite for any; None in a run of version 0.1, for 1 rad on a
             twin and what the robot's file says on a real robot.
         format: version of the file's layout.
+        seal: proof that this user opened the robot's addresses on this computer; see ``trust``.
     """
 
     robot: RobotChoice
@@ -69,6 +71,7 @@ class RunConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
     reference_hz: tuple[float, ...] = ()
     reference_every: int = 0
     format: int = FORMAT
+    seal: str = ""
 
 
 def check_config(config: RunConfig, spell: Callable[[str], str] = str) -> None:
@@ -96,7 +99,8 @@ def check_config(config: RunConfig, spell: Callable[[str], str] = str) -> None:
 
 def save_config(config: RunConfig, path: Path) -> None:
     """Write ``config`` as TOML; what is None is left out. Raises OSError."""
-    write_whole(path, tomli_w.dumps(_without_none(msgspec.to_builtins(config))))
+    sealed = msgspec.structs.replace(config, seal=seal(config.robot))
+    write_whole(path, tomli_w.dumps(_without_none(msgspec.to_builtins(sealed))))
 
 
 def load_config(run: Path) -> RunConfig:
@@ -143,6 +147,16 @@ def _count_from_1(spec: str) -> str:
     if not rest or not all(number.isdecimal() and len(number) < 10 for number in rest[0].split(",")):
         raise ValueError(f"robot.damage {spec!r} is not understood")
     return ":".join([kind, ",".join(str(int(number) + 1) for number in rest[0].split(",")), *rest[1:]])
+
+
+def resumed_config(run: Path, config: RunConfig, named: str | None) -> RunConfig:
+    """Return the configuration with which a run goes on; ``named`` is the robot's file that the user names, or None.
+
+    Raises:
+        UserError: see ``choose_resumed_robot``.
+    """
+    robot = choose_resumed_robot(run, config.robot, config.seal, named)
+    return config if robot == config.robot else msgspec.structs.replace(config, robot=robot)
 
 
 def refuse_difference(config: RunConfig, asked: Mapping[str, Any]) -> None:

@@ -22,7 +22,14 @@ from vvvaltr.controller.loop.learn import Budget, learn, make_source
 from vvvaltr.controller.loop.summary import summarise
 from vvvaltr.controller.robot.choice import option
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
-from vvvaltr.controller.runs.config import RunConfig, check_config, load_config, refuse_difference, save_config
+from vvvaltr.controller.runs.config import (
+    RunConfig,
+    check_config,
+    load_config,
+    refuse_difference,
+    resumed_config,
+    save_config,
+)
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog, describe_maker, read_run, read_trials
 from vvvaltr.transfer.methods.registry import make_optimizer
 
@@ -75,8 +82,12 @@ class RunDirectory:
             DeviceError: the robot cannot be opened.
         """
         stored = load_config(path)
+        named = asked.get("robot", {}).get("name")
+        if not stored.robot.is_twin:  # whose file may have another name now
+            asked = {**asked, "robot": {key: it for key, it in asked.get("robot", {}).items() if key != "name"}}
         refuse_difference(stored, asked)
-        config = msgspec.structs.replace(stored, trials=asked.get("trials", stored.trials))
+        config = resumed_config(path, stored, named)
+        config = msgspec.structs.replace(config, trials=asked.get("trials", stored.trials))
         before = read_run(path / LOG_NAME, recordings=False)
         sources = before.sources
         with _blame(path / "run.toml"):

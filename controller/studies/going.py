@@ -92,9 +92,9 @@ class GoRun:
             raise
 
     @classmethod
-    def resume(cls, path: Path) -> GoRun:
-        """Go on with an errand that was interrupted. Raises UserError or DeviceError as ``create`` does."""
-        run = SteeringRun.resume(path, METHOD)
+    def resume(cls, path: Path, robot_file: str | None = None) -> GoRun:
+        """Go on with an errand that was interrupted; ``robot_file`` holds new addresses. Raises as ``create`` does."""
+        run = SteeringRun.resume(path, METHOD, robot_file)
         try:
             errand = _load_errand(path / "errand.json")
             rig = open_again(run.config, run.trials)

@@ -75,11 +75,11 @@ class RepertoireRun:
             raise
 
     @classmethod
-    def resume(cls, path: Path, trials: int | None) -> RepertoireRun:
-        """Go on with a run, perhaps to more trials. Raises UserError or DeviceError as ``create`` does."""
+    def resume(cls, path: Path, trials: int | None, robot_file: str | None = None) -> RepertoireRun:
+        """Go on with a run, perhaps to more trials; ``robot_file`` holds new addresses. Raises as ``create`` does."""
         if load_config(path).method == METHOD and (path / SOURCE_NAME).exists():
             raise UserError(f"{path} was put together from other runs and cannot be resumed: leave out --resume")
-        run = SteeringRun.resume(path, METHOD)
+        run = SteeringRun.resume(path, METHOD, robot_file)
         try:
             if trials is not None:
                 run.config = msgspec.structs.replace(run.config, trials=trials)

@@ -20,7 +20,7 @@ from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import Rig, make_twin, open_rig
-from vvvaltr.controller.runs.config import RunConfig, load_config, save_config
+from vvvaltr.controller.runs.config import RunConfig, load_config, resumed_config, save_config
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
 from vvvaltr.transfer.steering.passage import where
 from vvvaltr.transfer.steering.repertoire import LearnedMovement, Repertoire, learn_repertoire
@@ -72,16 +72,19 @@ class SteeringRun:
         return cls(path, config, log, ())
 
     @classmethod
-    def resume(cls, path: Path, method: str) -> Self:
-        """Open a run to go on with it; a torn log is recovered.
+    def resume(cls, path: Path, method: str, robot_file: str | None = None) -> Self:
+        """Open a run to go on with it, with the addresses of ``robot_file`` if one is named; a torn log is recovered.
 
         Raises:
-            UserError: there is no run, or one of another kind.
+            UserError: there is no run, or one of another kind, or its addresses are of others.
         """
         config = load_config(path)
         if config.method != method:
             raise UserError(f"{path} is a run of {config.method!r}, not of {method!r}: resume it by its own command")
+        stored, config = config, resumed_config(path, config, robot_file)
         log, logged = RunLog.recover(path / LOG_NAME)
+        if config != stored:
+            save_config(config, path / "run.toml")
         return cls(path, config, log, logged.trials)
 
     @property
