@@ -1,5 +1,8 @@
 """Random faults in the middle of learning: no motor may stay on, and no spoilt trial may be learned from.
 
+A trial is spoilt if a motor was off for a while, or if its score is not the distance that the twin of the mock went.
+Faults are those of devices and lines, and of what the tracker shows.
+
 python -m benchmarks.faults --json
 """
 
@@ -13,7 +16,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from functools import partial
@@ -23,21 +26,24 @@ from pathlib import Path
 
 from benchmarks.observed import Change, ObservedDevice
 from vvvaltr.controller.core.errors import DeviceError, TrackingLost, UserError
+from vvvaltr.controller.core.records import LoggedTrial
+from vvvaltr.controller.core.values import Vector
 from vvvaltr.controller.loop.trial_runner import TrialCrashed
 from vvvaltr.controller.robot.mock import DEVICES
 from vvvaltr.controller.runs.run import RunDirectory
-from vvvaltr.drivers.mocking.faults import Fault, Kind
+from vvvaltr.drivers.mocking.faults import POSE_KINDS, Fault, Kind
 
 _DURATION_S = 0.7
 _FAULTS_PER_RUN = 20
 _REST_S = 1.0
 _ATTEMPTS = 40  # to continue after a fault: the longest spoils 30 replies, and an attempt may ask for just one
+_GREATEST_ERROR_M = 0.005  # several times what the noise of tracker and coming to rest make
 _RAMP_S, _END_S = 0.35, 0.1  # beginning and end of a trial, in which motors may be off
 
 
-def draw_fault(dice: random.Random, device: str) -> Fault:
+def draw_fault(dice: random.Random, device: str, among: Collection[Kind] = tuple(Kind)) -> Fault:
     """Return a fault that begins at once. A qik gets no stalled motor, because it cannot notice one."""
-    kinds = [kind for kind in Kind if not (device == "qik" and kind is Kind.STALL)]
+    kinds = [kind for kind in Kind if kind in among and not (device == "qik" and kind is Kind.STALL)]
     return Fault(
         kind=dice.choice(kinds),
         at_s=0.0,
@@ -45,7 +51,16 @@ def draw_fault(dice: random.Random, device: str) -> Fault:
         replies=dice.choice((1, 1, 2, 5, 30)),
         delay_s=dice.uniform(0.01, 0.5),
         motor=dice.randint(1, 3),
+        size_m=dice.choice((0.1, 0.5, 100.0)),
+        step_s=dice.choice((-3600.0, -0.5, -0.19, -0.16, -0.05, 0.19, 3600.0)),
     )
+
+
+def measure_error_m(logged: LoggedTrial, from_m: Vector, to_m: Vector) -> float:
+    """Return by how much the distance that a trial measured differs from the one that its robot went."""
+    if logged.score is None:
+        return 0.0
+    return abs(logged.score * logged.trial.duration_s - math.dist(from_m[:2], to_m[:2]))
 
 
 def measure_off_s(changes: Sequence[Change], duration_s: float) -> float:
@@ -63,15 +78,15 @@ def measure_off_s(changes: Sequence[Change], duration_s: float) -> float:
     return sum(max(0.0, until_s - since_s) for since_s, until_s in off)
 
 
-def count_events(device: str, faults: int, seed: int) -> Counter[str]:
-    """Learn on one device while faults happen, and count what happened, by name."""
+def count_events(device: str, faults: int, seed: int, kinds: Collection[Kind] = tuple(Kind)) -> Counter[str]:
+    """Learn on one device while faults of these kinds happen, and count what happened, by name."""
     dice, counts = random.Random(f"{device} {seed}"), Counter[str]()
     with tempfile.TemporaryDirectory() as directory, ObservedDevice(device, Path(directory, "port")) as observed:
         file = observed.robot_file
         file.write_text(file.read_text(encoding="utf-8").replace("settle_s = 0.3", "settle_s = 0.1"), encoding="utf-8")
         for number in range(faults):
             path = Path(directory, f"run{number // _FAULTS_PER_RUN}")
-            fault = draw_fault(dice, device)
+            fault = draw_fault(dice, device, kinds)
             timer = threading.Timer(dice.uniform(0.2, 1.6), observed.inject, (fault,))
             timer.start()
             spoilt = counts["spoilt_trials_learned_from"]
@@ -109,14 +124,18 @@ def _learn(path: Path, observed: ObservedDevice, trials: int) -> Counter[str]:
 
 def _watch(run: RunDirectory, observed: ObservedDevice) -> Counter[str]:
     counts: Counter[str] = Counter()
-    observed.note()
+    before = observed.note()
     try:
         for logged in run.learn():
             counts[f"trials_{logged.trial.outcome}"] += 1
-            off_s = measure_off_s(observed.note().changes, logged.trial.duration_s)
-            if logged.score is not None and off_s > 0.1:
+            note = observed.note()
+            off_s = measure_off_s(note.changes, logged.trial.duration_s)
+            error_m = measure_error_m(logged, before.place_m, note.place_m)
+            before = note
+            if logged.score is not None and (off_s > 0.1 or error_m > _GREATEST_ERROR_M):
                 counts["spoilt_trials_learned_from"] += 1
-                print(f"spoilt: {run.config.robot.name} trial {logged.trial.number}: off for {off_s:.2f} s", flush=True)
+                wrong = f"off for {off_s:.2f} s, wrong by {1000.0 * error_m:.1f} mm"
+                print(f"spoilt: {run.config.robot.name} trial {logged.trial.number}: {wrong}", flush=True)
     except UserError:
         counts["gave_up"] += 1  # after several failures in a row, so that somebody looks at the robot
     except TrialCrashed:
@@ -130,10 +149,12 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     parser.add_argument("--faults", type=int, default=1000, help="number of faults over all devices (default 1000)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the faults (default 0)")
+    parser.add_argument("--poses", action="store_true", help="faults of poses alone")
     arguments = parser.parse_args()
+    kinds = POSE_KINDS if arguments.poses else tuple(Kind)
     share = -(-arguments.faults // len(DEVICES))
     with ProcessPoolExecutor(len(DEVICES), mp_context=get_context("spawn")) as pool:
-        counts = list(pool.map(partial(count_events, faults=share, seed=arguments.seed), DEVICES))
+        counts = list(pool.map(partial(count_events, faults=share, seed=arguments.seed, kinds=kinds), DEVICES))
     bad = ("motors_left_running", "spoilt_trials_learned_from", "not_resumable", "crashed")
     figures = {"faults": share * len(DEVICES), **{name: sum(count[name] for count in counts) for name in bad}}
     for device, count in zip(DEVICES, counts, strict=True):

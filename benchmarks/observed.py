@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import time
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Self
 
+from vvvaltr.controller.core.values import Vector
 from vvvaltr.drivers.mocking.faults import Fault
 
 
@@ -37,6 +39,7 @@ class Note:
         longest_pause_s: longest time for which the machine did not run the device; it may account for the gap.
         are_all_off: whether all motors are off now.
         watchdog: whether the device's watchdog has stopped them.
+        place_m: where the robot truly is, whatever its tracker shows.
     """
 
     changes: tuple[Change, ...]
@@ -44,6 +47,7 @@ class Note:
     longest_pause_s: float
     are_all_off: bool
     watchdog: bool
+    place_m: Vector
 
 
 class ObservedDevice:
@@ -111,7 +115,9 @@ def _serve(device: str, link: Path, twin: str, pipe: Connection) -> None:
             case Fault():
                 mock.plugged.inject(request)
             case "note":
-                pipe.send(Note(tuple(changes), longest_gap_s, longest_pause_s, last[1], mock.plugged.watchdog))
+                place_m = mock.plugged.place_m or (math.nan,) * 3
+                watchdog = mock.plugged.watchdog
+                pipe.send(Note(tuple(changes), longest_gap_s, longest_pause_s, last[1], watchdog, place_m))
                 changes.clear()
                 longest_gap_s = longest_pause_s = 0.0
         return request is None

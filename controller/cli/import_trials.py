@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from vvvaltr.controller.cli.answer import Answer, Command
 from vvvaltr.controller.cli.options import number
+from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
-from vvvaltr.controller.loop.scoring import GREATEST_SPEED_M_S
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.records import LoggedTrial, Movement

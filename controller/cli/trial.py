@@ -123,15 +123,26 @@ def _result(trials: Sequence[LoggedTrial], gait: Gait, out: Path | None) -> dict
         "score_m_s": sum(scores) / len(scores) if scores else None,
         "gait_hz": list(gait.frequency_hz),
         "duration_s": telling.duration_s,
+        "is_within_error": all(_is_within_error(it) for it in trials),
     }
     if len(trials) > 1:
         mean = mean_with_interval(scores)
         result["repeats"] = [
-            {"outcome": it.trial.outcome.value, "reason": it.trial.reason, "score_m_s": it.score} for it in trials
+            {
+                "outcome": it.trial.outcome.value,
+                "reason": it.trial.reason,
+                "score_m_s": it.score,
+                "is_within_error": _is_within_error(it),
+            }
+            for it in trials
         ]
         result["mean_m_s"] = result["score_m_s"]
         result["low_m_s"], result["high_m_s"] = (mean.low, mean.high) if mean else (None, None)
     return result if out is None else {**result, "run": str(out)}
+
+
+def _is_within_error(logged: LoggedTrial) -> bool:
+    return logged.score is not None and logged.movement is not None and logged.movement.is_within_error
 
 
 def _status(trials: Sequence[LoggedTrial]) -> int:
@@ -159,7 +170,11 @@ def _line(logged: LoggedTrial) -> str:
     ending = trial.outcome.value + (f" ({trial.reason})" if trial.reason else "")
     if logged.score is None:
         return f"{ending}: nothing was measured"
-    return f"{ending}: {1000.0 * logged.score:.1f} mm/s over {trial.duration_s:.2f} s"
+    line = f"{ending}: {1000.0 * logged.score:.1f} mm/s over {trial.duration_s:.2f} s"
+    movement = logged.movement
+    if movement is None or movement.error_m is None or not movement.is_within_error:
+        return line
+    return f"{line}, which is within the tracker's noise (standard error {1000.0 * movement.error_m:.2g} mm)"
 
 
 COMMAND = Command(

@@ -5,12 +5,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+GREATEST_SPEED_M_S = 5.0
+"""Greatest speed that is taken for a measurement, wherever it comes from: fifty times that of the fastest gaits."""
+
 
 def check_finite(**numbers: float | None) -> None:
     """Raise ValueError, naming the field, if a number is not finite; None stands for a number that is not known."""
     for name, number in numbers.items():
         if number is not None and not math.isfinite(number):
             raise ValueError(f"{name} is {number}, which is not a finite number")
+
+
+def check_speed(speed_m_s: float, where: str) -> None:
+    """Raise ValueError, naming ``where`` it was found, for a speed that no such robot can have; NaN is none."""
+    if not abs(speed_m_s) <= GREATEST_SPEED_M_S:
+        raise ValueError(
+            f"{where}: a speed of {speed_m_s:.3g} m/s is not plausible (limit {GREATEST_SPEED_M_S:g} m/s); "
+            "check the unit of the positions"
+        )
 
 
 @dataclass(frozen=True, slots=True)

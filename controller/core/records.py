@@ -5,12 +5,13 @@ A field that is None, or empty, was not known: it is never a made-up number.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from vvvaltr.controller.core.conditions import check_finite
+from vvvaltr.controller.core.conditions import check_finite, check_speed
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.table import make_table
 from vvvaltr.controller.core.values import Gait, Recommendation, Source, Structure, Suggestion, Trial
@@ -18,6 +19,8 @@ from vvvaltr.controller.core.values import Gait, Recommendation, Source, Structu
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+_SURE = 2.0  # standard errors
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +51,19 @@ class Movement:
     start: RestingPose
     end: RestingPose
     displacement: Displacement
+
+    @property
+    def error_m(self) -> float | None:
+        """Standard error of the distance, from those of start and end; None where they are not known."""
+        if self.start.position_sd_m is None or self.end.position_sd_m is None:
+            return None
+        return math.hypot(self.start.position_sd_m, self.end.position_sd_m)
+
+    @property
+    def is_within_error(self) -> bool:
+        """Whether the distance is below two standard errors, so that the tracker's noise alone may have made it."""
+        distance_m = math.hypot(self.displacement.forward_m, self.displacement.left_m)
+        return self.error_m is not None and distance_m < _SURE * self.error_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +184,7 @@ class LoggedTrial:
         steering: goal and prediction, for a drive of steering.
 
     Raises:
-        ValueError: the score is not finite.
+        ValueError: the score is a speed that no robot has.
     """
 
     suggestion: Suggestion
@@ -182,7 +198,8 @@ class LoggedTrial:
     steering: SteeringStep | None = None
 
     def __post_init__(self) -> None:
-        check_finite(score_m_s=self.score)
+        if self.score is not None:
+            check_speed(self.score, f"score_m_s of trial {self.trial.number}")
 
     def without_recordings(self) -> LoggedTrial:
         """Return the trial without what was recorded during the drive, which is all but a few hundred bytes of it."""

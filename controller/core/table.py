@@ -59,6 +59,7 @@ def _columns(motors: int) -> list[_Column]:
         _Column("applied_measured", "?", lambda it: it.applied is not None and it.applied.measured),
         _Column("score_m_s", "f8", lambda it: _known(it.score)),
         *(_Column(key, "f8", partial(_displacement, key=key)) for key in ("forward_m", "left_m", "turn_rad")),
+        _Column("is_within_error", "?", lambda it: it.movement is not None and it.movement.is_within_error),
         *_rest_columns("start", lambda it: it.movement.start if it.movement else None),
         *_rest_columns("end", lambda it: it.movement.end if it.movement else None),
         _Column("duration_s", "f8", lambda it: it.trial.duration_s),

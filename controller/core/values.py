@@ -364,7 +364,11 @@ class Recommendation:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Valid trials of an earlier condition, to learn from: gaits and their scores, in the order they were run."""
+    """Valid trials of an earlier condition, to learn from: gaits and their scores, in the order they were run.
+
+    Raises:
+        ValueError: there is none, the numbers of both differ, or a score is not finite.
+    """
 
     name: str
     gaits: tuple[Gait, ...]
@@ -375,6 +379,9 @@ class Source:
             raise ValueError(f"source {self.name}: {len(self.gaits)} gaits but {len(self.scores)} scores")
         if not self.gaits:
             raise ValueError(f"source {self.name} has no valid trial to learn from")
+        for number, score in enumerate(self.scores, start=1):
+            if not math.isfinite(score):
+                raise ValueError(f"source {self.name}, trial {number}: the score is {score}, which is not finite")
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from vvvaltr.controller.core.conditions import check_speed
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Trial
 from vvvaltr.controller.loop.movement import resting_ends
-
-GREATEST_SPEED_M_S = 5.0
-"""Greatest speed that is taken for a measurement, wherever it comes from: fifty times that of the fastest gaits."""
 
 _RESOLUTION_M = 0.005  # steps of the path; finer ones would count the tracker's noise as movement
 
@@ -75,13 +73,16 @@ def score(trial: Trial, name: str = "net") -> float:
     return speed_m_s
 
 
-def check_speed(speed_m_s: float, where: str) -> None:
-    """Raise ValueError, naming ``where`` it was found, for a speed that no such robot can have."""
-    if not abs(speed_m_s) <= GREATEST_SPEED_M_S:
-        raise ValueError(
-            f"{where}: a speed of {speed_m_s:.3g} m/s is not plausible (limit {GREATEST_SPEED_M_S:g} m/s); "
-            "check the unit of the positions"
-        )
+def implausibility(trial: Trial) -> str:
+    """Return why a trial that seems valid has no score that can be; empty for all others."""
+    if not trial.outcome.is_valid:
+        return ""
+    try:
+        for name in SCORES:
+            score(trial, name)
+    except ValueError as error:
+        return str(error)
+    return ""
 
 
 def _ends(trial: Trial) -> tuple[RestingPose, RestingPose]:

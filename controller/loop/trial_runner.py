@@ -17,6 +17,7 @@ from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Command, Gait, MotorState, Outcome, Photo, Pose, Trial
 from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter, average_at_rest
 from vvvaltr.controller.loop.safety import Arena, Guard, HeadingGuard, make_arena_guard
+from vvvaltr.controller.loop.scoring import implausibility
 from vvvaltr.drivers.links.remote_clock import RemoteClock
 
 _LOG = logging.getLogger(__name__)
@@ -103,6 +104,8 @@ def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1
         end=watch.end,
         photos=watch.take_photos(),
     )
+    if reason := implausibility(trial):
+        trial = replace(trial, outcome=Outcome.TRACKING_LOST, reason=reason)
     _LOG.info("trial %d: %s after %.2f s %s", number, trial.outcome, trial.duration_s, trial.reason)
     if trial.outcome is Outcome.CRASHED:
         raise TrialCrashed(trial) from problem

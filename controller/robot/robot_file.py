@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal, Union
 import msgspec
 from msgspec import Meta
 
+from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.document import read_document, typed
 from vvvaltr.controller.core.errors import NotUnderstood
 from vvvaltr.controller.core.plug_ins import Registry
 from vvvaltr.controller.core.spelling import did_you_mean
 from vvvaltr.controller.loop.plausibility import Plausibility, plausible_speed_m_s
 from vvvaltr.controller.loop.safety import Arena, Limits
-from vvvaltr.controller.loop.scoring import GREATEST_SPEED_M_S
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.registry import DRIVERS

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sized
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 
-from vvvaltr.controller.loop.scoring import check_speed
+from vvvaltr.controller.core.conditions import check_speed
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 
 MOST_BYTES = 64 << 20

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vvvaltr.controller.core.values import Gait, GaitSpace, Parameter, Quantity, Source
+from vvvaltr.controller.core.records import LoggedTrial
+from vvvaltr.controller.core.values import Gait, GaitSpace, Outcome, Parameter, Quantity, Source, Suggestion, Trial
 
 BOTH = GaitSpace.over(3, 4.0, 16.7, (Quantity.FREQUENCY, Quantity.PHASE))
 
@@ -85,3 +86,16 @@ def test_an_empty_range_is_refused_by_name() -> None:
 def test_a_source_without_trials_is_refused() -> None:
     with pytest.raises(ValueError, match="no valid trial"):
         Source("runs/flat", (), ())
+
+
+@pytest.mark.parametrize("score", [math.nan, math.inf, -math.inf])
+def test_a_source_has_no_score_that_is_no_number(score: float) -> None:
+    with pytest.raises(ValueError, match="flat, trial 2: the score is"):
+        Source("flat", (Gait((1.0,)), Gait((2.0,))), (0.1, score))
+
+
+@pytest.mark.parametrize("score_m_s", [math.nan, math.inf, -math.inf, 66.0, 8.7])
+def test_no_trial_has_a_score_that_is_no_speed_of_a_robot(score_m_s: float) -> None:
+    trial = Trial(7, Gait((1.0,)), Outcome.COMPLETED, "", 0.0, 1.0)
+    with pytest.raises(ValueError, match=r"trial 7: a speed of .* is not plausible"):
+        LoggedTrial(Suggestion(Gait((1.0,)), "model"), trial, score_m_s, None)

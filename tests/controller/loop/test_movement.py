@@ -5,6 +5,7 @@ import pytest
 from scripted import ScriptedRobot, raising
 
 from vvvaltr.controller.core.errors import LinkLost
+from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Pose, Trial
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
@@ -27,6 +28,25 @@ def test_a_robot_that_faces_north_and_walks_north_west_moves_forward_and_to_the_
     assert displacement.turn_rad == pytest.approx(0.2)
     assert movement.start.position_m == (1.0, 1.0, 0.1)
     assert movement.end.yaw_rad == north + 0.2
+
+
+@pytest.mark.parametrize(("distance_m", "sd_m", "is_within"), [(0.0005, 0.0003, True), (0.001, 0.0003, False)])
+def test_a_distance_below_two_standard_errors_says_so(distance_m: float, sd_m: float, is_within: bool) -> None:
+    start = RestingPose((0.1, 0.2, 0.06), position_sd_m=sd_m)
+    end = RestingPose((0.1, 0.2 + distance_m, 0.06), position_sd_m=sd_m)
+
+    movement = measure_movement(replace(TRIAL, start=start, end=end))
+
+    assert movement is not None
+    assert movement.error_m == pytest.approx(math.sqrt(2.0) * sd_m)
+    assert movement.is_within_error is is_within
+
+
+def test_a_distance_whose_error_is_not_known_is_not_within_it() -> None:
+    movement = measure_movement(drive(Pose(0.0, (0.0, 0.0, 0.1)), Pose(1.0, (0.0, 0.0, 0.1))))
+
+    assert movement is not None
+    assert (movement.error_m, movement.is_within_error) == (None, False)
 
 
 @pytest.mark.parametrize("turns", [-1.3, 0.7, 2.25])

@@ -101,6 +101,15 @@ def test_a_pose_that_is_not_a_number_is_a_lost_tracker() -> None:
     assert all(pose.is_finite for pose in trial.poses)
 
 
+def test_a_speed_that_no_robot_has_is_a_lost_tracker_whatever_the_filter() -> None:
+    robot = ScriptedRobot(at_s=1.0, event=lambda: (100.0, 0.0, 0.0))
+
+    trial = run_trial(robot, GAIT, replace(NO_RAMP, plausibility=None))
+
+    assert trial.outcome is Outcome.TRACKING_LOST
+    assert "a speed of 50 m/s is not plausible" in trial.reason
+
+
 def test_an_applied_frequency_that_is_not_a_number_faults_the_trial() -> None:
     robot = ScriptedRobot(at_s=1.0, event=lambda: (math.nan, 0.0, 0.0), where="state")
 
@@ -234,6 +243,5 @@ def test_a_tracker_that_repeats_one_pose_while_motors_turn_is_lost() -> None:
 def test_a_robot_that_creeps_away_faster_than_any_robot_has_no_score() -> None:
     trial = run_trial(ScriptedRobot(speed_m_s_per_hz=1.0), GAIT, replace(NO_RAMP, plausibility=None))
 
-    assert trial.outcome is Outcome.COMPLETED
-    with pytest.raises(ValueError, match="not plausible"):
-        score(trial)
+    assert trial.outcome is Outcome.TRACKING_LOST
+    assert "not plausible" in trial.reason

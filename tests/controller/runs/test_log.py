@@ -160,6 +160,8 @@ def test_a_pose_that_is_no_number_is_logged_for_the_record(tmp_path: Path) -> No
         {"duration_s": math.nan},
         {"started_unix_s": math.inf},
         {"score_m_s": math.nan},
+        {"score_m_s": math.inf},
+        {"score_m_s": 66.0},
         {"movement": pb.Movement(displacement=pb.Displacement(turn_rad=math.nan))},
         {"movement": pb.Movement(start=pb.RestingPose(x_m=math.inf))},
         {"applied": pb.AppliedFrequencies(mean_hz=[math.nan])},
@@ -173,7 +175,7 @@ def test_a_pose_that_is_no_number_is_logged_for_the_record(tmp_path: Path) -> No
 def test_a_number_that_is_not_finite_or_an_unknown_word_in_a_trial_is_refused(change: dict[str, object]) -> None:
     suggestion = Suggestion(Gait((1.0,)), "initial design")
     decode_trial(pb.Trial(outcome="completed"), suggestion, (), (), ())
-    with pytest.raises(ValueError, match=r"not a finite number|is not a valid Verdict"):
+    with pytest.raises(ValueError, match=r"not a finite number|not plausible|is not a valid Verdict"):
         decode_trial(pb.Trial(**{"outcome": "completed", **change}), suggestion, (), (), ())
 
 
@@ -393,7 +395,10 @@ def test_a_compressed_log_is_refused_before_it_is_unpacked(tmp_path: Path) -> No
         pb.Tracking(markers_m=[0.0, 1.0]),
         pb.Run(format=1, structure=pb.Structure(terrain=pb.Terrain(x_m=[0.0], y_m=[0.0]))),
         pb.Run(format=1, sources=[pb.Source(name="empty")]),
-        pb.Run(sources=[pb.Source(name="nan", gaits=[pb.Gait(frequency_hz=[1.0])], scores_m_s=[math.nan])]),
+        *(
+            pb.Run(sources=[pb.Source(name="wrong", gaits=[pb.Gait(frequency_hz=[1.0])], scores_m_s=[score_m_s])])
+            for score_m_s in (math.nan, math.inf, 66.0)
+        ),
         pb.Tracking(t_s=math.inf),
         pb.Command(t_s=math.nan),
         pb.MotorState(t_s=math.inf),
