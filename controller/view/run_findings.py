@@ -25,7 +25,7 @@ from vvvaltr.transfer.bayes.search import places
 from vvvaltr.transfer.bayes.trials import Trials
 
 _FEWEST = 4  # trials, below which a model of them says nothing
-_MOST = 600  # trials that one model is fitted to; the time of a fit grows with their cube
+_MOST = 300  # of the newest trials are predicted: a greater model keeps only some of its trials
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ def _leave_each_out(space: GaitSpace, valid: Sequence[LoggedTrial]) -> LeftOut |
     if np.ptp(scores) == 0.0:
         return None
     belief = _believe(space, valid, scores)
-    if not isinstance(belief.posterior, GaussianProcess):
+    if not isinstance(belief.posterior, GaussianProcess) or len(belief.seen) < len(scores):
         return None
     inverse = belief.posterior.inverse_root
     variance = 1.0 / np.sum(inverse**2, axis=0)
