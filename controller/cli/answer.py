@@ -20,7 +20,7 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class Subcommand:
     """One command of the command line.
 
     Args:

@@ -10,7 +10,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import add_robot_file_arguments, chosen_robot_file, number, whole
 from vvvaltr.controller.cli.telling import bar, say
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
@@ -120,7 +120,7 @@ def _keep(path: Path, robot_file: RobotFile) -> None:
     write_whole(path.resolve(), text)
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="measure each motor's curve from command to Hz, and save it in the robot's file",
     example="vvvaltr calibrate qik0.toml",
     add_arguments=_add_arguments,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import number, whole
 from vvvaltr.controller.cli.telling import say
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
@@ -260,7 +260,7 @@ def _write_png(path: Path, picture: MatLike) -> None:
     path.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="print an overhead camera's tags, calibrate its lens, show what it sees",
     example="vvvaltr camera robot.toml show",
     add_arguments=_add_arguments,

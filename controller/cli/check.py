@@ -6,7 +6,7 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import add_robot_file_arguments, chosen_robot_file
 from vvvaltr.controller.cli.telling import say
 
@@ -62,7 +62,7 @@ def _can_interfaces() -> list[str]:
     )
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="test a robot's links, motors, watchdogs and tracker; without a file, list the ports",
     example="vvvaltr check qik0.toml",
     add_arguments=add_robot_file_arguments,

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.gaits import allow_negative_gaits, is_gait, read_gait
 from vvvaltr.controller.cli.options import (
     add_robot_arguments,
@@ -124,7 +124,7 @@ def _hz(gait_hz: list[float]) -> str:
     return " ".join(f"{hz:g}" for hz in (round(it, 2) for it in gait_hz)) + " Hz"
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="drive gaits in turns until one is better, or the trials are used up",
     example="vvvaltr compare 12,-14,9 9,15,-7 --robot planar --confidence 0.95 --trials 60",
     add_arguments=_add_arguments,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -20,7 +20,7 @@ def _execute(arguments: Namespace) -> Answer:
     return Answer(script, {"shell": arguments.shell, "script": script})
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="print the completion script of a shell, so that Tab completes commands and options",
     example="vvvaltr completion bash > ~/.local/share/bash-completion/completions/vvvaltr",
     add_arguments=_add_arguments,

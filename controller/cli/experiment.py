@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import TWINS, heading_limit, method_details, number, whole
 from vvvaltr.controller.cli.parser import Details
 from vvvaltr.controller.cli.telling import bar
@@ -127,7 +127,7 @@ def _prose(found: Sequence[PairFindings], out: Path) -> str:
     return "\n".join([*lines, f"figures: vvvaltr report {out}"])
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="repeat the thesis' experiments on a twin, every method against Plain-BO",
     example="vvvaltr experiment all --robot planar --repeats 10 --jobs 2 --out runs/thesis",
     add_arguments=_add_arguments,

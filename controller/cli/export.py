@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.core.errors import NotUnderstood
 
 
@@ -27,7 +27,7 @@ def _execute(arguments: Namespace) -> Answer:
     return Answer(f"{len(table)} trials in {arguments.csv}", {"csv": arguments.csv, "trials": len(table)})
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="write the trials of a run as a table, for a spreadsheet or statistics",
     example="vvvaltr export runs/flat --csv flat.csv",
     add_arguments=_add_arguments,

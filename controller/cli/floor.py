@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.gaits import allow_negative_gaits, read_gait
 from vvvaltr.controller.cli.options import TWINS, add_robot_arguments, asked_robot, trial_duration, whole
 from vvvaltr.controller.cli.telling import bar, say
@@ -127,7 +127,7 @@ def _answer(found: dict[str, Any]) -> Answer:
     return Answer(f"{head}\ncertain {100 * found['probability']:.0f} % that there is a drift\n{cure}", found)
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="measure whether the floor is inclined, and where it carries the robot",
     example="vvvaltr floor spatial --scatter hurried --trials 8",
     add_arguments=_add_arguments,

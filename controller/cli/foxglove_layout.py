@@ -6,7 +6,7 @@ import json
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import whole
 
 
@@ -24,7 +24,7 @@ def _execute(arguments: Namespace) -> Answer:
     return Answer(f"{arguments.file}: {how}", {"layout": str(arguments.file)})
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="write a layout file with which Foxglove shows a log",
     example="vvvaltr foxglove-layout vvvaltr.json",
     add_arguments=_add_arguments,

@@ -9,7 +9,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number
 from vvvaltr.controller.cli.telling import bar, say_above
 from vvvaltr.controller.core.errors import NotUnderstood
@@ -116,7 +116,7 @@ def _prose(result: dict[str, Any]) -> str:
     )
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="drive the robot to a place, or along way points, by movements that were learned",
     example="vvvaltr go 0.30 -0.20 --repertoire runs/moves --robot spatial --seed 2",
     add_arguments=_add_arguments,

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeAlias
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import number
 from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
@@ -221,7 +221,7 @@ def _speed_factor(arguments: Namespace) -> float:
     return _METRES[arguments.score_unit] / float(arguments.duration_s)
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="import trials from a table, as a run to learn from",
     example="vvvaltr import examples/trials.csv --gait RPM_1,RPM_2,RPM_3 --unit rpm --score Displacement_mm "
     "--score-unit mm --duration 20 --out runs/lab",

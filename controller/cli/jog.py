@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot
 from vvvaltr.controller.cli.telling import say
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
@@ -110,7 +110,7 @@ def _prose(result: dict[str, Any]) -> str:
     return f"driven     {result['duration_s']:.1f} s in {result['trials']} trials\nrun        {result['run']}"
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="drive the robot by the arrow keys, with movements that were learned",
     example="vvvaltr jog --repertoire runs/moves --robot robot.toml",
     add_arguments=_add_arguments,

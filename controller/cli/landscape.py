@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import (
     add_robot_arguments,
     add_trial_arguments,
@@ -141,7 +141,7 @@ def _survey(arguments: Namespace) -> Any:
     )
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="draw a map of speed over the frequencies of two motors, the third off",
     example="vvvaltr landscape --robot planar --grid 15 --out landscape.png",
     add_arguments=_add_arguments,

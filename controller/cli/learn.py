@@ -9,7 +9,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import (
     add_robot_arguments,
     add_trial_arguments,
@@ -202,7 +202,7 @@ def _mm_s(speed_m_s: float) -> str:
     return f"{1000.0 * speed_m_s:.1f}"
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="find a fast gait in few trials",
     example="vvvaltr learn --robot planar --trials 40 --seed 1 --out runs/flat",
     add_arguments=_add_arguments,

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from vvvaltr import __version__
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.parser import Details, Parser
 from vvvaltr.controller.cli.telling import add_telling_arguments, log_to_standard_error
 from vvvaltr.controller.core.errors import DeviceError, NotUnderstood, TrackingLost, UserError
@@ -101,8 +101,8 @@ def make_parser(commands_help: str = argparse.SUPPRESS) -> Parser:
     return parser
 
 
-def _command(name: str) -> Command:
-    command: Command = importlib.import_module(f"vvvaltr.controller.cli.{MODULES.get(name, name)}").COMMAND
+def _command(name: str) -> Subcommand:
+    command: Subcommand = importlib.import_module(f"vvvaltr.controller.cli.{MODULES.get(name, name)}").COMMAND
     return command
 
 

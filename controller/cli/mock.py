@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import TWINS
 from vvvaltr.controller.core.errors import NotUnderstood
 
@@ -154,7 +154,7 @@ class _EndingSignal:
         self._is_set = True
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="simulate a device on a port, with a twin that its motors move",
     example="vvvaltr mock qik --robot planar --link qik0",
     add_arguments=_add_arguments,

@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number, trial_duration, whole
 from vvvaltr.controller.cli.telling import bar, say_above
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
@@ -118,7 +118,7 @@ def _answer(path: Path, result: dict[str, Any], repertoire: Repertoire, picture:
     return Answer("\n".join(lines), {"run": str(path), **result})
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="learn movements to steer by: forward, left and turn of tried gaits",
     example="vvvaltr repertoire --robot spatial --gaits 40 --out runs/moves",
     add_arguments=_add_arguments,

@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from importlib.util import find_spec
 from pathlib import Path
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
 
@@ -54,7 +54,7 @@ def _report_campaign(path: Path, markdown: bool) -> Answer:
     return Answer(f"{page}: open it in a browser", {"report": str(page), "experiments": as_json(found)})
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="write one HTML file of what a run, or a campaign of vvvaltr experiment, found",
     example="vvvaltr report runs/flat",
     add_arguments=_add_arguments,

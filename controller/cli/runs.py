@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 
 if TYPE_CHECKING:
     from vvvaltr.controller.runs.listing import Listed
@@ -81,7 +81,7 @@ def _as_data(run: Listed) -> dict[str, Any]:
     }
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="list the runs in a directory",
     example="vvvaltr runs runs",
     add_arguments=_add_arguments,

@@ -8,7 +8,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.records import Run
@@ -80,7 +80,7 @@ def _describe_result(run: Run, config: RunConfig | None) -> dict[str, str]:
     return facts
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="show a run on one screen: its best gait, its trials, and a plot of their speeds",
     example="vvvaltr show runs/flat",
     add_arguments=_add_arguments,

@@ -8,7 +8,7 @@ from argparse import ArgumentParser, Namespace
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import add_robot_file_arguments, chosen_robot_file, number
 from vvvaltr.controller.cli.telling import say
 from vvvaltr.controller.core.errors import NotUnderstood, TrackingLost
@@ -118,7 +118,7 @@ def _data(seen: Sight, response_s: float, found: list[dict[str, str | bool]]) ->
     return {**numbers, "problems": found}
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="show what a robot's tracker sees: rate, gaps, jitter and scatter of its poses",
     example="vvvaltr track qik0.toml --duration 20",
     add_arguments=_add_arguments,

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import (
     add_robot_arguments,
     add_trial_arguments,
@@ -177,7 +177,7 @@ def _line(logged: LoggedTrial) -> str:
     return f"{line}, which is within the tracker's noise (standard error {1000.0 * movement.error_m:.2g} mm)"
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="try one gait, once or several times",
     example="vvvaltr trial 12 -14 9 --robot planar --repeats 5 --out runs/tried",
     add_arguments=_add_arguments,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from vvvaltr.controller.cli.answer import Answer, Command
+from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import whole
 from vvvaltr.controller.cli.rerun_extra import require_rerun
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
@@ -48,7 +48,7 @@ def _show(arguments: Namespace) -> Answer:
     return Answer(f"{', '.join(names)} {'was' if len(names) == 1 else 'were'} shown", {"run": names[0], "runs": names})
 
 
-COMMAND = Command(
+COMMAND = Subcommand(
     help="show a run in Rerun, or several side by side",
     example="vvvaltr view runs/flat",
     add_arguments=_add_arguments,

@@ -14,10 +14,8 @@ from vvvaltr.controller.core.records import Fit, LoggedTrial, Told
 from vvvaltr.controller.core.values import Estimate, Gait, Recommendation, Suggestion
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from vvvaltr.controller.core.arrays import Array
 
-    Array = NDArray[np.float64]
 
 _GRID = 64  # intraclass correlations between 0 and 1
 

@@ -18,11 +18,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.steering.passage import Passage
-
-Array = NDArray[np.float64]
 
 _WANDER_M = 0.0015  # of the path about an even walk, after a second
 _WANDER_RAD = 0.03

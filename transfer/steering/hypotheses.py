@@ -19,13 +19,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.steering.belief import Belief
 from vvvaltr.transfer.steering.passage import Passage
 from vvvaltr.transfer.steering.repertoire import Repertoire
-
-Array = NDArray[np.float64]
 
 _CHANGE = 0.02  # probability that from one primitive to the next another hypothesis becomes the right one
 

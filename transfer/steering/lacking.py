@@ -12,13 +12,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.transfer.steering.planner import Abilities, Goal, plan
 from vvvaltr.transfer.steering.repertoire import Repertoire
-
-Array = NDArray[np.float64]
 
 _FIRST = 8  # gaits that are drawn before anything can be said
 _REPEATS = 0.35  # of the trials, at most

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Pose
-
-Array = NDArray[np.float64]
 
 STEADY_S = 1.2  # until then motors speed up and the robot shakes itself into its walk
 _PIECE_S = 1.0

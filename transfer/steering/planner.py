@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vvvaltr.controller.core.arrays import Array
 
 DURATIONS_S = (1.0, 1.5, 2.2, 3.2, 4.5, 6.5, 9.0)
 _FIRST_WIDTH, _WIDTH = 320, 96  # sequences that are kept: all of one movement, for repertoires of the usual size

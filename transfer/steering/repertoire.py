@@ -10,13 +10,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Gait, Trial
 from vvvaltr.transfer.steering.belief import Belief
 from vvvaltr.transfer.steering.passage import STEADY_S, Passage, passage, start_delay_s
-
-Array = NDArray[np.float64]
 
 _USUAL_SCATTER = 0.4  # of a movement, from trial to trial, before repeats have said more
 _USUAL_DELAY_S = 0.25

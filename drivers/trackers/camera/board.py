@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.drivers.trackers.camera.lens import Array, Lens
+from vvvaltr.drivers.trackers.camera.lens import Lens
 from vvvaltr.drivers.trackers.camera.tags import Picture
 
 if TYPE_CHECKING:

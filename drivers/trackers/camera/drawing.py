@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vvvaltr.drivers.trackers.camera.lens import Array
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.drivers.trackers.camera.sight import RobotTag, Sighting
 from vvvaltr.drivers.trackers.camera.tags import Picture
 from vvvaltr.drivers.trackers.camera.view import View

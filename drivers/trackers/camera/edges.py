@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vvvaltr.drivers.trackers.camera.lens import Array
+from vvvaltr.controller.core.arrays import Array
 
 _PLACES = 32  # on each side
 _SPAN = np.linspace(0.06, 0.94, _PLACES)  # of a side; near its ends the other side's blur is seen

@@ -22,11 +22,12 @@ from pathlib import Path
 
 import numpy as np
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.values import Pose, Vector
 from vvvaltr.drivers.mocking.plugged import be_prompt
 from vvvaltr.drivers.trackers.camera.frames import FrameWriter
-from vvvaltr.drivers.trackers.camera.lens import Array, Lens
+from vvvaltr.drivers.trackers.camera.lens import Lens
 from vvvaltr.drivers.trackers.camera.pictures import Painter
 from vvvaltr.drivers.trackers.camera.sight import RobotTag
 from vvvaltr.drivers.trackers.camera.table import CameraTable, FloorTagTable, TagTable, lens_table

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Pose, Vector
-from vvvaltr.drivers.trackers.camera.lens import Array, Lens
+from vvvaltr.drivers.trackers.camera.lens import Lens
 from vvvaltr.drivers.trackers.camera.sight import RobotTag
 from vvvaltr.drivers.trackers.camera.tags import Picture, dictionary
 from vvvaltr.drivers.trackers.camera.view import View

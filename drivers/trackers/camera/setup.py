@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.drivers.trackers.camera.edges import corners_from, side_points
-from vvvaltr.drivers.trackers.camera.lens import Array, Lens
+from vvvaltr.drivers.trackers.camera.lens import Lens
 from vvvaltr.drivers.trackers.camera.sight import RobotTag
 from vvvaltr.drivers.trackers.camera.tags import Picture, all_tags
 from vvvaltr.drivers.trackers.camera.view import View, height_from_size, looking_down, over_floor_tags

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.drivers.trackers.camera.edges import corners_from, side_points
-from vvvaltr.drivers.trackers.camera.lens import Array
 from vvvaltr.drivers.trackers.camera.tags import Picture, TagFinder
 from vvvaltr.drivers.trackers.camera.view import View
 

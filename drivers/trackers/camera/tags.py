@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from vvvaltr.drivers.trackers.camera.lens import Array
+from vvvaltr.controller.core.arrays import Array
 
 if TYPE_CHECKING:
     import cv2

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.drivers.trackers.camera.edges import centre_of
-from vvvaltr.drivers.trackers.camera.lens import Array, Lens
+from vvvaltr.drivers.trackers.camera.lens import Lens
 
 _LOOKING_DOWN = np.diag([1.0, -1.0, -1.0])  # right in the picture is +x, up is +y
 
