@@ -293,7 +293,9 @@ def _until_seen(tracker: Any) -> None:
 
 def _watch(tracker: Any, ends_s: float) -> list[Pose | None]:
     found: list[Pose | None] = []
-    while time.monotonic() < ends_s:
+    is_last = False
+    while not is_last:
+        is_last = time.monotonic() > ends_s  # the last look comes after the end, however busy the machine is
         try:
             found.append(tracker.pose())
         except TrackingLost:
