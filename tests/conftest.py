@@ -65,6 +65,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.add_cleanup(config.stash[_canary].close)
 
 
+@pytest.hookimpl(tryfirst=True)  # before the marks are read
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
         item.add_marker(pytest.mark.flaky(reruns=2, condition=config.stash[_canary].was_held_up))

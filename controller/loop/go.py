@@ -23,7 +23,7 @@ ORIGIN = "going"
 """Origin of the suggestions that lead somewhere."""
 
 _LONGEST_S = 12.0  # of a primitive
-_PATIENCE = 3  # failed primitives in a row after which somebody has to look at the robot
+_FAILURES_IN_A_ROW = 3  # failed primitives in a row after which somebody has to look at the robot
 _USELESS_IN_A_ROW = 5  # plans, each with other hopes of what is not known
 _GAIN = 0.1  # of the tolerance, by which a plan must bring the robot nearer
 _STUCK_M, _STUCK_RAD, _STUCK_S = 0.008, 0.15, 40.0
@@ -216,7 +216,7 @@ class Journey:
         if trial.outcome is Outcome.INTERRUPTED:
             raise KeyboardInterrupt(trial.reason)
         self._failures = 0 if trial.outcome.is_valid else self._failures + 1
-        if self._failures >= _PATIENCE:
+        if self._failures >= _FAILURES_IN_A_ROW:
             self._reason = (
                 f"{self._failures} primitives in a row failed, the last one so: {trial.outcome}: {trial.reason}"
             )
@@ -229,7 +229,7 @@ class Journey:
         except TrackingLost as lost:
             self._last = trial.poses[-1] if trial.poses else self._last
             self._failures += 1
-            if self._failures >= _PATIENCE:
+            if self._failures >= _FAILURES_IN_A_ROW:
                 self._reason = f"the tracker has lost the robot: {lost}"
 
     def _is_stuck(self) -> bool:

@@ -103,9 +103,12 @@ class NewestPose:
         uncertainty_m: float | None,
         received_s: float,
     ) -> bool:
-        """Take in a frame that shows a rigid body: as ``take``. What is no place or no rotation is no pose."""
+        """Take in a frame that shows a rigid body, as ``take`` does; without a place and a rotation it shows none."""
         is_near = all(abs(x_m) < _FARTHEST_M for x_m in position_m)  # which NaN is not
         if not (is_near and is_rotation(rotation)):
             return self.take(frame, t_s, UNSEEN, received_s)
         self._last_rad = angles_of(rotation, self._last_rad)
-        return self.take(frame, t_s, Pose(t_s, position_m, *self._last_rad, uncertainty_m=uncertainty_m), received_s)
+        # Within half a turn: a pose with more than a full turn is taken for degrees.
+        yaw_rad, pitch_rad, roll_rad = (math.remainder(angle_rad, math.tau) for angle_rad in self._last_rad)
+        pose = Pose(t_s, position_m, yaw_rad, pitch_rad, roll_rad, uncertainty_m=uncertainty_m)
+        return self.take(frame, t_s, pose, received_s)

@@ -18,7 +18,7 @@ from vvvaltr.drivers.trackers.camera import messages
 from vvvaltr.drivers.trackers.camera.table import CameraTable
 
 _WATCHER = "vvvaltr.drivers.trackers.camera.watcher"
-_PATIENCE_S = 30.0  # with a camera that opens
+_OPENS_WITHIN_S = 30.0  # with a camera that opens
 _LEAVE_S = 2.0
 _MOST_PHOTOS = 600  # ten minutes of pictures that nobody takes
 _QUIET = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENBLAS_NUM_THREADS": "1"}
@@ -60,7 +60,9 @@ class CameraTracker:
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env={**os.environ, **_QUIET})
         self._thread = threading.Thread(target=self._listen, name="camera", daemon=True)
         self._opened = threading.Event()
-        self._answer: messages.Ready | str = f"the camera gave no pictures within {_PATIENCE_S:g} s; is it plugged in?"
+        self._answer: messages.Ready | str = (
+            f"the camera gave no pictures within {_OPENS_WITHIN_S:g} s; is it plugged in?"
+        )
         try:
             self.settings = self._start()
         except BaseException:
@@ -101,7 +103,7 @@ class CameraTracker:
         self._thread.start()
         self._process.stdin.write(msgspec.json.encode(self._table) + b"\n")
         self._process.stdin.flush()
-        self._opened.wait(_PATIENCE_S)
+        self._opened.wait(_OPENS_WITHIN_S)
         if isinstance(self._answer, str):
             raise UserError(self._answer)
         return self._answer

@@ -18,7 +18,7 @@ from qtm_rt.qrt import QRTConnection
 from vvvaltr.drivers.trackers.attitude import Matrix
 from vvvaltr.drivers.trackers.qtm.protocol import VERSION, Event, Kind, NamedBody, bodies_in, vertical_in, whole_packets
 
-_AXIS_PATIENCE_S = 1.0
+_PARAMETERS_WITHIN_S = 1.0
 
 logging.getLogger("qtm_rt").addHandler(logging.NullHandler())  # what it says is told by us, once, in one line
 
@@ -117,7 +117,7 @@ class Conversation:
         """Return the axis that points upwards, ``+Z`` for instance; empty if QTM does not tell."""
         # The last question: one that is never answered would take the next one's answer.
         try:
-            parameters = await asyncio.wait_for(self._connection.get_parameters(["3d"]), _AXIS_PATIENCE_S)
+            parameters = await asyncio.wait_for(self._connection.get_parameters(["3d"]), _PARAMETERS_WITHIN_S)
         except (QRTCommandException, TimeoutError):
             return ""
         return vertical_in(_as_bytes(parameters))

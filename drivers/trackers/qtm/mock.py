@@ -28,7 +28,7 @@ from vvvaltr.drivers.trackers.qtm.protocol import (
 
 HOST = "127.0.0.1"
 _UNSEEN = (math.nan,) * 12
-_PATIENCE_S = 0.05  # with a client that does not read: then it is hung up on, for the robot goes on
+_CLIENT_READS_WITHIN_S = 0.05  # with a client that does not read: then it is hung up on, for the robot goes on
 _COMPONENTS = {"6d": Component.BODIES, "6dres": Component.BODIES_WITH_RESIDUAL}
 
 
@@ -157,7 +157,7 @@ class QtmServer:
             except OSError:
                 return  # closed
             wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            wire.settimeout(_PATIENCE_S)
+            wire.settimeout(_CLIENT_READS_WITHIN_S)
             client = _Client(wire)
             self._clients.append(client)
             threading.Thread(target=self._serve, args=(client,), name="mock QTM's client", daemon=True).start()

@@ -114,12 +114,12 @@ def test_without_the_client_library_the_message_names_the_extra(monkeypatch):
         open_tracker(QtmTable(host="127.0.0.1", body="robot"))
 
 
-def test_heading_goes_on_past_half_a_turn(server):
+def test_a_robot_that_turns_round_and_round_keeps_a_heading_within_half_a_turn(server):
     tracker = track(server)
-    headings = [math.pi - 0.3 + 0.1 * step for step in range(7)]
-    for yaw_rad in headings:
+    for yaw_rad in [0.9 * step for step in range(16)]:  # two turns and more, in steps that one frame can show
         server.send(Pose(time.monotonic(), (0.0, 0.0, 0.0), yaw_rad))
-        until(tracker, lambda pose, yaw_rad=yaw_rad: is_pose(pose) and abs(pose.yaw_rad - yaw_rad) < 1e-5)
+        heading_rad = math.remainder(yaw_rad, math.tau)
+        until(tracker, lambda pose, yaw_rad=heading_rad: is_pose(pose) and abs(pose.yaw_rad - yaw_rad) < 1e-5)
     tracker.close()
 
 
