@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import IO
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from vvvaltr.drivers.mocking.process import MockProcess
 
@@ -59,25 +60,20 @@ class Canary:
 _canary = pytest.StashKey[Canary]()
 
 
+# On a busy computer examples take long to draw; that is no defect of what is tested.
+settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
+
+
 def pytest_configure(config: pytest.Config) -> None:
     os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="vvvaltr-state-")  # of all processes: not the developer's
     config.stash[_canary] = Canary()
     config.add_cleanup(config.stash[_canary].close)
 
 
-@pytest.hookimpl(tryfirst=True)  # before the marks are read
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
         item.add_marker(pytest.mark.flaky(reruns=2, condition=config.stash[_canary].was_held_up))
-        if _is_in_real_time(item):  # one at a time, where several processes share the tests
-            item.add_marker(pytest.mark.xdist_group("real time"))
-
-
-def _is_in_real_time(item: pytest.Item) -> bool:
-    """Return whether a test deals with devices, other processes or signals, and so needs a processor for itself."""
-    folders = ("drivers", "contract", "robot")
-    module = vars(item.module) if isinstance(item, pytest.Function) else {}
-    return any(folder in item.path.parts for folder in folders) or bool({"MockProcess", "subprocess"} & set(module))
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -42,7 +42,7 @@ def write_trial_command(gait: Gait, robot: str, config: RunConfig | None = None)
 def write_learn_command(config: RunConfig) -> str:
     """Return the command that makes a run again; what is usual is left out."""
     stored = msgspec.to_builtins(config)
-    for key in ("robot", "format"):
+    for key in ("robot", "format", "seal"):
         del stored[key]
     return " ".join(["vvvaltr learn", *_write_robot(config), *_write_options(stored)])
 

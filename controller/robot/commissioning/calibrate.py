@@ -29,7 +29,7 @@ from vvvaltr.controller.robot.robot_file import RobotFile, convert_robot_file
 from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.table import Points
 
-_SETTLE_S = 0.7  # for a motor to reach its speed
+_SETTLE_S = 1.2  # a motor is at 97 % of its speed by then
 _CLEAR, _CLEAR_IN_SHAPE = 1.6, 4.0  # above what noise reaches
 _SLOWEST_SEEN, _SLOWEST_MEASURED = 0.2, 0.12  # of the greatest command
 _OFF_HZ = 0.1

@@ -174,7 +174,7 @@ NOT_UNDERSTOOD = [
     ("landscape --out picture.bmp", "picture.bmp"),
     ("mock quik", "'quik' (did you mean qik?)"),
     ("import t.csv --giat RPM_1", "unknown option --giat (did you mean --gait?)"),
-    ("import", "CSV, --gait, --unit, --score, --score-unit, --out are missing; example: vvvaltr import"),
+    ("import", "CSV, --gait, --unit, --score-unit, --out are missing; example: vvvaltr import"),
     ("completion fish", "choose one of bash, zsh, tcsh"),
 ]
 FAILED = [

@@ -69,7 +69,7 @@ def test_the_terminal_is_as_before_afterwards() -> None:
 
 def test_without_a_terminal_jog_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     moves = tmp_path / "moves"
-    assert main(["repertoire", "--gaits", "8", "--duration", "1", "--out", str(moves)]) == 0
+    assert main(["repertoire", "--gaits", "8", "--duration", "2", "--out", str(moves)]) == 0
     capsys.readouterr()
 
     assert main(["jog", "--repertoire", str(moves)]) == 1
@@ -78,7 +78,7 @@ def test_without_a_terminal_jog_says_so(tmp_path: Path, capsys: pytest.CaptureFi
 
 def test_a_person_at_a_terminal_drives_the_planar_twin(tmp_path: Path) -> None:
     moves, out = tmp_path / "moves", tmp_path / "jog"
-    assert main(["repertoire", "--gaits", "8", "--duration", "1", "--out", str(moves)]) == 0
+    assert main(["repertoire", "--gaits", "8", "--duration", "2", "--out", str(moves)]) == 0
     master, terminal = pty.openpty()
     command = [*VVVALTR, "jog", "--repertoire", str(moves), "--out", str(out)]
     with subprocess.Popen(command, stdin=terminal, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as program:

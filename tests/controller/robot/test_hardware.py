@@ -170,7 +170,7 @@ def node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MockProcess]:
 def test_a_node_with_other_motors_than_the_file_is_refused(node: MockProcess) -> None:
     line = load_robot_file(Path(node.greeting.robot_file)).line[0]
 
-    with pytest.raises(DeviceFault, match="the node has 3 motors, the robot's file 2"):
+    with pytest.raises(DeviceFault, match="the node has 3 motors, the robot's file has 2"):
         open_motors(msgspec.structs.replace(line, motor=line.motor[:2]))
 
 

@@ -276,7 +276,7 @@ def copied(mock: MockProcess, tmp_path: Path, name: str = "mine.toml") -> Path:
         ("-3\n" * 9, "'-3' is not a number"),
         ("16\n", "the replies ended too early, nothing was saved"),
         ("", "the replies ended too early, nothing was saved"),
-        ("3\n1\n" * 3, "nothing was saved, the curve does not fit the file: "),  # slower than the file's search begins
+        ("3\n1\n" * 3, "nothing was saved: the curve does not fit the file: "),  # slower than the file's search begins
     ],
 )
 def test_answers_that_make_no_curve_leave_the_file_alone(

@@ -21,7 +21,7 @@ from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.drivers.mocking.process import MockProcess
 
 GAIT = Gait((0.0, 12.0, 0.0))
-SETTLE_S, LOOK_S = 0.4, 0.8
+SETTLE_S, LOOK_S = 1.2, 0.8
 
 
 @pytest.fixture(scope="module")
