@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 DEVICES = tuple(DRIVERS.built_in)
 _MARK = "# Written by vvvaltr mock, which removes it when it ends."
+_PROCESS = "# Process "  # that wrote it, on the second line
 _SEARCH_HZ = (4.0, 16.0)  # as far as the twins' motors go
 
 
@@ -74,6 +76,7 @@ def open_mock(
     robot_file = link.with_name(f"{link.name}.toml")
     if robot_file.exists() and not robot_file.read_bytes().startswith(_MARK.encode()):
         raise UserError(f"{robot_file} is not a mock's file and would be overwritten; choose another --link")
+    _remove_leftover(link, robot_file)
     with ExitStack() as undo:
         line = _make_line(device, link, bus)
         undo.callback(line.port.close)
@@ -83,9 +86,20 @@ def open_mock(
         undo.callback(motion.close)
         mock = Mock(PluggedDevice(line.device, line.port, motion, faults), line.port.name, robot_file, feed.address)
         undo.callback(robot_file.unlink, missing_ok=True)
-        robot_file.write_text(f"{_MARK}\n\n{_robot_file(twin, line.table, feed.table)}", encoding="utf-8")
+        head = f"{_MARK}\n{_PROCESS}{os.getpid()}\n\n"
+        robot_file.write_text(head + _robot_file(twin, line.table, feed.table), encoding="utf-8")
         undo.pop_all()
     return mock
+
+
+def _remove_leftover(link: Path, robot_file: Path) -> None:
+    """Remove the link of a mock that was killed: by now its pseudo-terminal may be another program's."""
+    if not (link.is_symlink() and robot_file.exists()):
+        return
+    _, _, process = robot_file.read_text(encoding="utf-8", errors="replace").partition(f"\n{_PROCESS}")
+    number = process.partition("\n")[0]
+    if number.isdecimal() and not Path("/proc", number).exists():
+        link.unlink()
 
 
 def _make_line(device: str, link: Path, bus: tuple[str, str] | None) -> MockLine:

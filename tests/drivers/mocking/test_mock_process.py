@@ -228,6 +228,23 @@ def test_the_link_of_a_killed_mock_is_taken_over(tmp_path: Path) -> None:
         assert json.loads(process.stdout.readline())["port"] == str(tmp_path / "here")
 
 
+def test_the_link_of_a_killed_mock_whose_terminal_is_another_programs_by_now_is_taken_over(tmp_path: Path) -> None:
+    with started("odrive", "--link", "here", cwd=tmp_path) as killed:
+        assert killed.stdout is not None
+        killed.stdout.readline()
+        killed.kill()
+        killed.wait()
+    master, terminal = os.openpty()
+    (tmp_path / "here").unlink()
+    (tmp_path / "here").symlink_to(os.ttyname(terminal))
+
+    with started("odrive", "--link", "here", cwd=tmp_path) as process:
+        assert process.stdout is not None
+        assert json.loads(process.stdout.readline())["port"] == str(tmp_path / "here")
+    os.close(master)
+    os.close(terminal)
+
+
 def test_a_fault_script_acts_at_its_time_after_the_motors_began(tmp_path: Path) -> None:
     script = tmp_path / "faults.json"
     script.write_text(json.dumps({"fault": [{"kind": "error", "after_motion_s": 0.4, "motor": 2}]}))
