@@ -101,7 +101,7 @@ def test_trial_reports_one_trial(capsys: pytest.CaptureFixture[str]) -> None:
 
     found = json.loads(out)
     assert status == 0
-    assert set(found) == {"outcome", "reason", "score_m_s", "gait_hz", "duration_s"}
+    assert set(found) == {"outcome", "reason", "score_m_s", "is_within_error", "gait_hz", "duration_s"}
     assert (found["outcome"], found["gait_hz"], found["duration_s"]) == ("completed", [12.0, -14.0, 9.0], 0.5)
 
 
