@@ -28,7 +28,7 @@ class Bench:
         twin = vvvaltr.planar_robot(seed=1)
         self.motors = PercentMotors(twin.motors)
         self.tracker, self.clock, self.structure = twin.tracker, twin.clock, twin.structure
-        self.place, self.close = twin.place, twin.close
+        self.place, self.carry_on, self.close = twin.place, twin.carry_on, twin.close
 
 
 robot = vvvaltr.GuardedRobot(Bench(), vvvaltr.Limits((FULL_HZ,) * 3))
