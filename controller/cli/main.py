@@ -15,7 +15,7 @@ from typing import Any
 from vvvaltr import __version__
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.parser import Details, Parser
-from vvvaltr.controller.cli.telling import add_telling_arguments, log_to_standard_error
+from vvvaltr.controller.cli.telling import add_telling_arguments, logs_on_standard_error
 from vvvaltr.controller.core.errors import DeviceError, NotUnderstood, TrackingLost, UserError
 from vvvaltr.controller.core.printable import printable
 from vvvaltr.controller.core.signals import interrupt_on_signals
@@ -40,9 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _refuse_broken_names(sys.argv[1:] if arguments is None else arguments)
         parsed = make_parser().parse_args(arguments)
-        log_to_standard_error(parsed)
         _permit_urls(parsed)
-        return _print(parsed.execute(parsed), as_json=parsed.json)
+        with logs_on_standard_error(parsed):
+            return _print(parsed.execute(parsed), as_json=parsed.json)
     except (KeyboardInterrupt, Exception) as error:
         return _tell_end(error, show_traceback=parsed.debug)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.core.printable import printable
@@ -42,16 +43,23 @@ def bar(arguments: Namespace, stream: Iterable[Any] | None = None, is_needed: bo
     return tqdm(stream, file=sys.stderr, disable=arguments.quiet or not is_needed, **more)
 
 
-def log_to_standard_error(arguments: Namespace) -> None:
-    """Show what the rooms log: warnings, with ``--verbose`` each step, with ``--quiet`` errors alone."""
+@contextmanager
+def logs_on_standard_error(arguments: Namespace) -> Iterator[None]:
+    """Show what the rooms log meanwhile: warnings, with ``--verbose`` each step, with ``--quiet`` errors alone."""
     level = logging.DEBUG if arguments.verbose else logging.ERROR if arguments.quiet else logging.WARNING
     handler = _AboveTheBar()
     handler.setFormatter(
         logging.Formatter("%(asctime)s %(name)s: %(message)s" if arguments.verbose else "vvvaltr: %(message)s")
     )
     logger = logging.getLogger("vvvaltr")
-    logger.handlers = [handler]
+    level_before = logger.level
+    logger.addHandler(handler)
     logger.setLevel(level)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level_before)
 
 
 class _AboveTheBar(logging.Handler):

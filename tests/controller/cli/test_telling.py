@@ -1,6 +1,7 @@
 """What is told on standard error: by default progress, with --verbose each step, with --quiet errors alone."""
 
 import json
+import logging
 import os
 import pty
 import select
@@ -81,3 +82,12 @@ def test_on_a_terminal_with_json_the_mock_writes_what_the_device_does(tmp_path: 
 
     assert set(json.loads(first)) == {"port", "robot_file", "tracker"}
     assert json.loads(second)["applied_hz"] == [0.0, 0.0, 0.0]
+
+
+def test_a_command_leaves_the_logging_of_its_program_as_it_was(tmp_path: Path) -> None:
+    logger = logging.getLogger("vvvaltr")
+    before = (logger.level, list(logger.handlers))
+
+    main(["runs", str(tmp_path), "--quiet"])
+
+    assert (logger.level, list(logger.handlers)) == before
