@@ -13,7 +13,7 @@ from vvvaltr.controller.core.clock import WallClock
 from vvvaltr.controller.core.errors import DeviceError, TrackingLost
 from vvvaltr.controller.core.values import Gait, MotorState, Pose, Quantity, Structure
 from vvvaltr.controller.robot.robot_file import RobotFile
-from vvvaltr.drivers.motor_line import HeldMotors
+from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.registry import open_line
 from vvvaltr.drivers.table import LineTable
 from vvvaltr.drivers.trackers.registry import PoseTracker, open_tracker

@@ -22,7 +22,8 @@ from vvvaltr.controller.robot.commissioning.vibration import (
 )
 from vvvaltr.controller.robot.hardware import JoinedMotors, open_motors
 from vvvaltr.controller.robot.robot_file import RobotFile
-from vvvaltr.drivers.motor_line import WATCHDOG, HeldMotors, MotorLine
+from vvvaltr.drivers.held_motors import HeldMotors
+from vvvaltr.drivers.motor_line import WATCHDOG, MotorLine
 from vvvaltr.drivers.registry import open_line
 from vvvaltr.drivers.table import LineTable
 from vvvaltr.drivers.trackers.registry import PoseTracker, open_tracker

@@ -8,11 +8,11 @@ import pytest
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.values import Gait
+from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.links.serial import SerialLink
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.plugged import PluggedDevice
 from vvvaltr.drivers.mocking.port import PtyPort
-from vvvaltr.drivers.motor_line import HeldMotors
 from vvvaltr.drivers.node.firmware import core
 from vvvaltr.drivers.node.line import open_line, open_node
 from vvvaltr.drivers.node.mock import NodeDevice

@@ -12,7 +12,7 @@ import pytest
 
 from vvvaltr.controller.core.errors import DeviceError, LinkLost
 from vvvaltr.controller.core.values import Gait
-from vvvaltr.drivers.motor_line import HeldMotors
+from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.node.line import open_line
 from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable
 

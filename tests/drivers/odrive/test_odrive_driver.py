@@ -18,12 +18,13 @@ from can.interfaces.virtual import VirtualBus
 
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.values import Gait
+from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.links.can import CanLink, Frame
 from vvvaltr.drivers.mocking.can_adapter import BusPort, SlcanAdapter
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.plugged import PluggedDevice
 from vvvaltr.drivers.mocking.process import MockProcess
-from vvvaltr.drivers.motor_line import WATCHDOG, HeldMotors
+from vvvaltr.drivers.motor_line import WATCHDOG
 from vvvaltr.drivers.odrive.line import OdriveLine, open_line
 from vvvaltr.drivers.odrive.mock import OdriveAxis, OdriveDevice
 from vvvaltr.drivers.odrive.protocol import AxisState, Message, encode

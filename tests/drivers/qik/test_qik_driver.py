@@ -13,11 +13,12 @@ import pytest
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.robot.hardware import open_motors
+from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.links.serial import SerialLink
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.process import MockProcess
-from vvvaltr.drivers.motor_line import WATCHDOG, HeldMotors
+from vvvaltr.drivers.motor_line import WATCHDOG
 from vvvaltr.drivers.qik.line import QikLine, open_line
 from vvvaltr.drivers.qik.mock import CURVE, QikDevice
 from vvvaltr.drivers.qik.protocol import Opcode, Parameter, encode_packet, least_baud

@@ -11,7 +11,7 @@ import pytest
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
-from vvvaltr.drivers.motor_line import HeldMotors
+from vvvaltr.drivers.held_motors import HeldMotors
 
 GAIT = Gait((10.0,))
 
