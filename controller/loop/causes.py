@@ -1,4 +1,4 @@
-"""What a run's own trials say of why they scatter: motors that stood still, and a robot that lost strength."""
+"""What a run's own trials say of why they scatter: motors that stood still, a robot that lost strength, the floor."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from vvvaltr.controller.core.records import LoggedTrial, Review
 from vvvaltr.controller.core.values import Gait, Outcome, Phase, Trial
+from vvvaltr.transfer.causes.floor import Drift, cut, learn_drift
 from vvvaltr.transfer.causes.standing import describe_standing, is_far_below
 from vvvaltr.transfer.causes.strength import Loss, find_loss
 
@@ -17,6 +18,7 @@ _SPUN_UP_S = 1.0  # since the drive began
 _COMMANDED_HZ = 2.0  # below which a motor need not start
 _RECENT = 60  # trials that are searched for a loss
 _SAME_LOSS = 5  # trials by which the start of one loss may shift as more is known
+_LEAST_TURN_RAD = 0.1  # without which a run does not tell the floor from the robot
 _STANDS_FOR = 0.3  # share of a drive's second half in which it must stand
 
 
@@ -72,6 +74,22 @@ def find_loss_in(history: Sequence[LoggedTrial]) -> tuple[Loss, int] | None:
     span_hz = max(float(np.ptp(frequency_hz)), 1e-9)
     loss = find_loss(frequency_hz / span_hz, [abs(logged.score or 0.0) for logged in valid])
     return None if loss is None or not loss.is_told else (loss, valid[loss.since].trial.number)
+
+
+def have_turned(trials: Sequence[Trial]) -> bool:
+    """Return whether the robot had different headings, so that its trials tell its own drift from the floor's."""
+    yaws_rad = [pose.yaw_rad for trial in trials for pose in trial.poses if pose.is_finite]
+    return bool(yaws_rad) and max(yaws_rad) - min(yaws_rad) >= _LEAST_TURN_RAD
+
+
+def find_drift_in(history: Sequence[LoggedTrial]) -> Drift | None:
+    """Return the floor's drift from a run's valid trials; None where their poses do not tell it."""
+    valid = [logged.trial for logged in history if logged.trial.outcome.is_valid]
+    if not have_turned(valid):
+        return None
+    cuts = [(trial.gait, cut(trial.poses, trial.gait.frequency_hz)) for trial in valid]
+    known = [(gait, pieces) for gait, pieces in cuts if pieces is not None]
+    return learn_drift([gait for gait, _ in known], [pieces for _, pieces in known])
 
 
 def since_reference(history: Sequence[LoggedTrial]) -> int:

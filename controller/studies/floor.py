@@ -10,20 +10,18 @@ from vvvaltr.controller.core.errors import UserError, one_line_errors
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Gait, Outcome, Phase, Suggestion
-from vvvaltr.controller.loop.causes import fault_standing_motor
+from vvvaltr.controller.loop.causes import fault_standing_motor, find_drift_in, have_turned
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import Rig, make_twin
-from vvvaltr.transfer.causes.floor import Drift, cut, learn_drift
+from vvvaltr.transfer.causes.floor import Drift
 from vvvaltr.twin.engine import Start
 from vvvaltr.twin.robot import TwinRobot
 
 _FAILURES_IN_A_ROW = 3  # after which somebody has to look at the robot
-_LEAST_TURN_RAD = 0.1
-_SURE = 0.95
 
 
 class TurnedTwin:
@@ -109,15 +107,12 @@ def find_drift(trials: Sequence[LoggedTrial]) -> Drift:
     valid = [logged.trial for logged in trials if logged.trial.outcome.is_valid]
     if not any(trial.poses for trial in valid):
         raise UserError("no trial has poses, so nothing tells the floor: imported trials have lengths alone")
-    yaws_rad = [pose.yaw_rad for trial in valid for pose in trial.poses]
-    if max(yaws_rad) - min(yaws_rad) < _LEAST_TURN_RAD:
+    if not have_turned(valid):
         raise UserError(
             "the robot never headed elsewhere, or its poses have no heading, so nothing tells the floor from the "
             "robot: turn it between the trials; vvvaltr track shows headings"
         )
-    cuts = [(trial.gait, cut(trial.poses, trial.gait.frequency_hz)) for trial in valid]
-    known = [(gait, pieces) for gait, pieces in cuts if pieces is not None]
-    drift = learn_drift([gait for gait, _ in known], [pieces for _, pieces in known])
+    drift = find_drift_in(trials)
     if drift is None:
         raise UserError("the trials are too short, or the robot did not move: give --duration 5 or a faster --gait")
     return drift
@@ -131,6 +126,6 @@ def describe_drift(drift: Drift, trials: int) -> dict[str, Any]:
         "speed_m_s": drift.speed_m_s,
         "azimuth_rad": drift.azimuth_rad,
         "probability": drift.is_inclined,
-        "is_inclined": drift.is_inclined >= _SURE,
+        "is_inclined": drift.is_told,
         "trials": trials,
     }

@@ -1,4 +1,7 @@
-"""A place in a Rerun recording: what is sent here lies below one root, so that several runs can stand side by side."""
+"""A place in a Rerun recording: what is sent here lies below one root, so that several runs can stand side by side.
+
+Every text goes through ``drawable`` on its way: a letter that Rerun's font lacks would end the viewer.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import rerun as rr
 
+_FIRST_LACKING = 0x250  # Latin letters are all there
+
 When = tuple[float, int]  # seconds since the run began, number of the trial
+
+
+def drawable(text: str) -> str:
+    """Return a text with a question mark for each character that Rerun's font lacks."""
+    return "".join(c if c in "\n\t" or (c.isprintable() and ord(c) < _FIRST_LACKING) else "?" for c in text)
 
 
 class Canvas:
@@ -26,7 +36,13 @@ class Canvas:
 
     def log(self, path: str, what: rr.AsComponents) -> None:
         """Send what stays the same over the whole run."""
-        self._recording.log(f"{self.root}/{path}", what, static=True)
+        import rerun as rr
+
+        batches = [
+            rr.DescribedComponentBatch(_readable(batch), batch.component_descriptor())
+            for batch in what.as_component_batches()
+        ]
+        self._recording.log(f"{self.root}/{path}", batches, static=True)
 
     def send(self, path: str, whens: Sequence[When], columns: rr.ComponentColumnList) -> None:
         """Send one row for each time in ``whens``; nothing where there is none."""
@@ -34,6 +50,18 @@ class Canvas:
 
         if whens:
             times_s, numbers = zip(*whens, strict=True)
+            for column in columns:
+                column.component_batch = _readable(column.component_batch)
             indexes = [rr.TimeColumn("time", duration=times_s), rr.TimeColumn("trial", sequence=numbers)]
             self._recording.send_columns(f"{self.root}/{path}", indexes, columns)
             time.sleep(0.0)  # lets another thread go on: a live view must not hold up the loop that it shows
+
+
+def _readable(batch: rr.ComponentBatchLike) -> rr.ComponentBatchLike:
+    """Return what is sent with every text in it drawable."""
+    import rerun as rr
+
+    array = batch.as_arrow_array()
+    if str(array.type) != "string":
+        return batch
+    return rr.components.TextBatch([drawable(text) for text in array.to_pylist()])

@@ -17,6 +17,7 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.view.canvas import Canvas, When
+from vvvaltr.controller.view.scatter_causes import is_reference
 
 if TYPE_CHECKING:
     pass
@@ -35,6 +36,7 @@ _TEXT: _Colour = (190, 194, 200)
 _GRID: _Colour = (44, 48, 54)
 _MEASURED: _Colour = (240, 240, 240)
 _SUSPECT: _Colour = (255, 165, 60)
+_REFERENCE: _Colour = (110, 230, 160)
 _FAILED: _Colour = (255, 80, 70)
 _MEAN: _Colour = (90, 190, 255)
 _BAND: _Colour = (28, 66, 94)
@@ -98,6 +100,7 @@ def send_axes(canvas: Canvas, axes: Axes, trials: Sequence[LoggedTrial], whens: 
 def _legend(trials: Sequence[LoggedTrial]) -> list[tuple[_Point, str, _Colour]]:
     entries = (
         ("measured", _MEASURED, True),
+        ("reference", _REFERENCE, any(map(is_reference, trials))),
         ("suspect", _SUSPECT, any(logged.review.is_suspect for logged in trials)),
         ("nothing measured", _FAILED, any(logged.score is None for logged in trials)),
         ("best gait: mean", _MEAN, True),
@@ -169,7 +172,7 @@ def _rows(count: int, new: int, every: int) -> Iterator[int]:
 def _point(axes: Axes, logged: LoggedTrial) -> tuple[_Point, _Colour]:
     if logged.score is None:
         return axes.place(logged.trial.number, axes.low), _FAILED
-    colour = _SUSPECT if logged.review.is_suspect else _MEASURED
+    colour = _SUSPECT if logged.review.is_suspect else _REFERENCE if is_reference(logged) else _MEASURED
     return axes.place(logged.trial.number, 1000.0 * logged.score), colour
 
 

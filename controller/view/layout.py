@@ -29,7 +29,7 @@ def lay_out(run: Run, shown: Sequence[LoggedTrial], space: GaitSpace | None, fol
     """
     import rerun.blueprint as rrb
 
-    left = rrb.Vertical(_robot_view(run, shown, ""), _motor_view(""), row_shares=[3, 2])
+    left = rrb.Vertical(_scene(run, shown), _motor_view(""), row_shares=[3, 2])
     texts = rrb.Horizontal(_result_view(""), _trials_view(""), column_shares=[2, 3])
     maps = _map_grid(space, "")
     right = rrb.Vertical(texts, _speed_view(""), *maps, row_shares=[3.0] * (2 + len(maps)))
@@ -57,6 +57,17 @@ def _frame(content: rrb.Container, following: bool) -> rrb.Blueprint:
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
     )
+
+
+def _scene(run: Run, shown: Sequence[LoggedTrial]) -> rrb.View | rrb.Container:
+    """Return a view of the robot, beside it what the tracker's camera saw, if it kept pictures."""
+    import rerun.blueprint as rrb
+
+    robot = _robot_view(run, shown, "")
+    if not any(logged.trial.photos for logged in shown):
+        return robot
+    camera = rrb.Spatial2DView(origin="/camera", name="Camera, once a second")
+    return rrb.Horizontal(robot, camera, column_shares=[1, 1])
 
 
 def _robot_view(run: Run, shown: Sequence[LoggedTrial], root: str) -> rrb.Spatial3DView:

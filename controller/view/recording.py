@@ -23,7 +23,7 @@ from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
 from vvvaltr.controller.core.values import GaitSpace
-from vvvaltr.controller.view.canvas import Canvas
+from vvvaltr.controller.view.canvas import Canvas, drawable
 from vvvaltr.controller.view.layout import lay_out, lay_out_side_by_side
 from vvvaltr.controller.view.scene import Scene
 from vvvaltr.controller.view.speed_maps import Belief, Predict
@@ -58,6 +58,11 @@ class Shown:
     trial: int | None = None
 
     @property
+    def name(self) -> str:
+        """The title as Rerun can draw it."""
+        return drawable(self.title)
+
+    @property
     def trials(self) -> Sequence[LoggedTrial]:
         """The trials to show. Raises UserError where the only one is not in the run."""
         if self.trial is None:
@@ -81,12 +86,12 @@ def save_recording(path: Path, *shown: Shown) -> None:
     """
     import rerun as rr
 
-    roots = [""] if len(shown) == 1 else _make_roots([it.title for it in shown])
+    roots = [""] if len(shown) == 1 else _make_roots([it.name for it in shown])
     # Through memory: on a full disk Rerun's own writer waits for ever, and no signal ends it.
     with rr.RecordingStream(_APPLICATION) as recording:
         memory = recording.memory_recording()
         recording.send_blueprint(_blueprint(shown, roots), make_active=False)
-        recording.send_recording_name(" and ".join(it.title for it in shown))
+        recording.send_recording_name(" and ".join(it.name for it in shown))
         for it, root in zip(shown, roots, strict=True):
             _send(it, Canvas(recording, root))
         written = memory.drain_as_bytes()
@@ -97,7 +102,7 @@ def save_recording(path: Path, *shown: Shown) -> None:
 def _blueprint(shown: Sequence[Shown], roots: Sequence[str]) -> rrb.Blueprint:
     if len(shown) == 1:
         return lay_out(shown[0].run, shown[0].trials, shown[0].space)
-    return lay_out_side_by_side([(it.title, it.run, it.space) for it in shown], roots)
+    return lay_out_side_by_side([(it.name, it.run, it.space) for it in shown], roots)
 
 
 def _make_roots(titles: Sequence[str]) -> list[str]:
@@ -176,7 +181,7 @@ class LiveView:
         self._recording = rr.RecordingStream(_APPLICATION)
         server = rr.GrpcServerSink(bind_ip=_LOCAL, port=port)
         self._recording.set_sinks(server, default_blueprint=lay_out(run, run.trials, space, following=True))
-        self._recording.send_recording_name(title)
+        self._recording.send_recording_name(drawable(title))
         self.frames = 0
         self._is_over, self._lock = threading.Event(), threading.Lock()
         self._thread: threading.Thread | None = None

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,16 +17,17 @@ from vvvaltr.controller.core.values import Pose, Structure, Trial
 from vvvaltr.controller.runs.log import find_trial_span_ns
 from vvvaltr.controller.view.canvas import Canvas, When
 from vvvaltr.controller.view.chart import Axes, send_axes, send_chart, send_chart_styles
+from vvvaltr.controller.view.scatter_causes import ScatterCauses, find_causes, is_reference, write_causes
+from vvvaltr.controller.view.scene_causes import send_causes
 from vvvaltr.controller.view.scene_forces import list_force_columns
 from vvvaltr.controller.view.scene_goals import send_goals
+from vvvaltr.controller.view.scene_photos import send_photos
 from vvvaltr.controller.view.scene_styles import send_ground, send_motor_style, send_speed_styles, send_world_styles
 from vvvaltr.controller.view.speed_maps import Belief, send_map_frames, send_maps
 from vvvaltr.controller.view.watching import Moment
 from vvvaltr.controller.view.words import describe, write_result, write_table
 
-if TYPE_CHECKING:
-    pass
-
+_CAUSES = 6  # times at which a run's causes of scatter are looked for: it takes a quarter of a second
 _LABEL_M = 0.07  # above the robot's centre
 _ARROW_M = 0.06  # length of a heading's arrow
 
@@ -70,6 +71,7 @@ class Scene:
         self._trials: list[LoggedTrial] = []
         self._ends: list[When] = []
         self._axes: Axes | None = None
+        self._causes: tuple[str, ...] = ()
         self._map_range_mm_s: tuple[float, float] | None = None
         self._named_motors = 0
         self._begin_ns: int | None = None
@@ -99,8 +101,11 @@ class Scene:
             self._send_robot(placed)
             self._send_motors(placed)
             self._send_speeds(placed)
-            self._send_texts(placed)
-            self._send_chart(placed)
+            axes = self._send_chart(placed)
+            found = self._find_causes(len(placed))
+            send_causes(self._canvas, axes, self._trials, [(self._ends[count - 1], it) for count, it in found])
+            self._send_texts(placed, found)
+            send_photos(self._canvas, [(it.begin, it.trial) for it in placed])
             send_goals(self._canvas, [(it.begin, it.logged) for it in placed])
 
     def show_moment(self, moment: Moment) -> None:
@@ -233,27 +238,45 @@ class Scene:
             values = [1000 * getattr(estimate, bound) for _, estimate in known]
             self._send_scalars(f"speed/best_gait/{bound}", [end for end, _ in known], values)
 
-    def _send_texts(self, placed: Sequence[_Placed]) -> None:
+    def _find_causes(self, new: int) -> list[tuple[int, ScatterCauses]]:
+        """Return, after some numbers of trials, what these said of the causes of scatter."""
+        total = len(self._trials)
+        every = max(5, math.ceil(new / _CAUSES))
+        counts = [count for count in range(total - new + 1, total + 1) if count % every == 0]
+        if new > 1 and counts[-1:] != [total]:
+            counts.append(total)
+        return [(count, find_causes(self._trials[:count])) for count in counts]
+
+    def _send_texts(self, placed: Sequence[_Placed], found: Sequence[tuple[int, ScatterCauses]]) -> None:
         import rerun as rr
 
         first, ends = len(self._trials) - len(placed), [it.end for it in placed]
         sofar = [self._trials[: first + place] for place in range(1, len(placed) + 1)]
         about = f"\n\n{self._about}" if self._about else ""
+        causes = dict(found)
+        results = []
+        for trials in sofar:
+            if len(trials) in causes:
+                self._causes = tuple(f"\n\n{line}" for line in write_causes(causes[len(trials)]))
+            results.append(write_result(trials) + "".join(self._causes) + about)
         for path, texts in (
-            ("result", [write_result(trials) + about for trials in sofar]),
+            ("result", results),
             ("trials", list(map(write_table, sofar))),
         ):
             media = ["text/markdown"] * len(texts)
             self._canvas.send(path, ends, rr.TextDocument.columns(text=texts, media_type=media))
 
-    def _send_chart(self, placed: Sequence[_Placed]) -> None:
-        """Send the chart of speeds; where the axes no longer hold all trials, with new axes."""
+    def _send_chart(self, placed: Sequence[_Placed]) -> Axes:
+        """Send the chart of speeds and return its axes; where those of before no longer hold all trials, new ones."""
         axes = Axes.around(self._trials, self._planned)
-        has_new_kind = any(it.logged.score is None or it.logged.review.is_suspect for it in placed)
+        has_new_kind = any(
+            it.logged.score is None or it.logged.review.is_suspect or is_reference(it.logged) for it in placed
+        )
         if axes != self._axes or has_new_kind:
             self._axes = axes
             send_axes(self._canvas, axes, self._trials, [it.begin if len(placed) > 1 else it.end for it in placed])
         send_chart(self._canvas, axes, self._trials, self._ends, len(placed))
+        return axes
 
     def _send_faults(self, placed: Sequence[_Placed]) -> None:
         """Mark where a trial ended without a measurement, above the curves of the motors."""

@@ -9,7 +9,6 @@ from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import Gait
 
 _TABLE_ROWS = 60  # the newest trials; `vvvaltr export` has all
-_FIRST_LACKING = 0x250  # Latin letters are all there
 _TWINS = ("planar", "spatial")
 
 
@@ -21,13 +20,8 @@ def write_gait(gait: Gait) -> str:
 def describe(logged: LoggedTrial) -> str:
     """Return what a trial came to: its speed, or why it measured nothing."""
     if logged.score is None:
-        return f"{name_outcome(logged)}: {drawable(logged.trial.reason)}"
+        return f"{name_outcome(logged)}: {logged.trial.reason}"
     return f"{1000 * logged.score:.1f} mm/s" + (", suspect" if logged.review.is_suspect else "")
-
-
-def drawable(text: str) -> str:
-    """Return a text with a question mark for each character that Rerun's font lacks, which would end the viewer."""
-    return "".join(c if c in "\n\t" or (c.isprintable() and ord(c) < _FIRST_LACKING) else "?" for c in text)
 
 
 def name_outcome(logged: LoggedTrial) -> str:
@@ -44,7 +38,7 @@ def write_about(run: Run, has_maps: bool = False) -> str:
         "Maps: speed expected over two motors, the others as in the best gait. Dots: trials, by their speed; "
         "star: best gait; ring: the next one."
     )
-    return drawable("\n\n".join(filter(None, (maps if has_maps else "", "; ".join(about)))))
+    return "\n\n".join(filter(None, (maps if has_maps else "", "; ".join(about))))
 
 
 def write_result(trials: Sequence[LoggedTrial]) -> str:
@@ -83,4 +77,4 @@ def _reason(logged: LoggedTrial) -> str:
     """Return why a trial ended as it did, what is suspect about it, and whether it belongs to no search."""
     suspicion = f"suspect: {logged.review.suspicion}" if logged.review.is_suspect else ""
     text = "; ".join(filter(None, (logged.trial.reason, suspicion)))
-    return drawable(text or logged.suggestion.origin).replace("|", "/").replace("\n", " ")
+    return (text or logged.suggestion.origin).replace("|", "/").replace("\n", " ")

@@ -36,6 +36,7 @@ _NOISES = (0.2, 0.45, 1.0)  # of a piece, over the trial's own speed
 _CHANGES = (0.1, 0.3)  # of a gait from trial to trial, over the trial's own speed
 _DIFFERS = 0.35  # standard deviation of e over the size of the drift
 _LEAST_M = 0.0005  # noise of a piece that hardly moves
+_SURE = 0.95  # probability of a drift at which it is told
 _WIDE = 3.0  # standard deviation of g, over the usual speed
 
 
@@ -76,6 +77,11 @@ class Drift:
     def speed_m_s(self) -> float:
         """Size of the drift."""
         return float(np.hypot(*self.velocity_m_s))
+
+    @property
+    def is_told(self) -> bool:
+        """Whether it is certain enough to be told."""
+        return self.is_inclined >= _SURE
 
     @property
     def azimuth_rad(self) -> float:

@@ -13,22 +13,25 @@ from pathlib import Path
 
 import pyarrow
 import pytest
+import rerun as rr
 import rerun_cli
 from rerun.chunk import RrdReader
 from sample_run import STRUCTURE, logged_trial, sample_run
 
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.core.records import Run
-from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Outcome, Pose, Structure
+from vvvaltr.controller.core.records import LoggedTrial, Review, Run
+from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Outcome, Phase, Photo, Pose, Structure
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
+from vvvaltr.controller.view.canvas import Canvas
 from vvvaltr.controller.view.chart import Axes
 from vvvaltr.controller.view.recording import LiveView, Shown, save_recording, show
+from vvvaltr.controller.view.scene import Scene
 from vvvaltr.controller.view.showing import save_runs
 from vvvaltr.controller.view.speed_maps import Belief
 from vvvaltr.controller.view.watching import Moment, WatchedRobot
-from vvvaltr.controller.view.words import describe, write_about, write_result, write_table
+from vvvaltr.controller.view.words import write_about, write_result, write_table
 
 RUN = sample_run(trials=4, poses=21)
 SPACE = GaitSpace.over(3, -16.0, 16.0)
@@ -240,11 +243,120 @@ def test_a_twin_says_that_its_scatter_is_simulated() -> None:
     assert "simulated" not in write_about(replace(RUN, about={"robot": "robot.toml"}))
 
 
-def test_a_letter_that_the_viewers_font_lacks_is_not_sent_to_it() -> None:
-    failed = logged_trial(1, outcome=Outcome.LINK_LOST)
-    reason = replace(failed, trial=replace(failed.trial, reason="線 broke ▬ é"))
-    assert "?? broke" not in describe(reason)
-    assert "? broke ? é" in describe(reason)
+def test_no_letter_that_the_viewers_font_lacks_is_sent_to_it(tmp_path: Path) -> None:
+    failed = logged_trial(2, outcome=Outcome.LINK_LOST)
+    odd = replace(failed, trial=replace(failed.trial, reason="線 broke ▬ é"))
+    run = replace(RUN, trials=(RUN.trials[0], odd), about={"robot": "線.toml"})
+    found = saved(tmp_path, Shown(run, "a"), Shown(run, "線"))
+    texts = [text for batches in found.values() for batch in batches for text in texts_in(batch)]
+    assert "trial 2: link lost: ? broke ? é" in texts
+    assert any("robot ?.toml" in text for text in texts)
+    assert all(ord(letter) < 0x250 for text in (*texts, *found) for letter in text)
+    written = print_recording(tmp_path / "run.rrd")
+    assert "Speed of each trial: ?" in written
+    assert "線" not in written
+
+
+def print_recording(recording: Path) -> str:
+    """Return all that is in a recording as text, with the layout."""
+    return rerun("rrd", "print", "-vvv", recording).stdout
+
+
+def texts_in(batch: pyarrow.RecordBatch) -> list[str]:
+    """Return all texts in a batch, but the names of its columns."""
+    columns = [column for column in batch.columns if "string" in str(column.type)]
+    return [text for column in columns for row in column.to_pylist() for text in row or ()]
+
+
+def test_pictures_of_the_camera_are_shown_over_the_time_of_their_trial(tmp_path: Path) -> None:
+    photos = (Photo(0.25, b"first"), Photo(0.75, b"second"))
+    seen = replace(RUN.trials[2], trial=replace(RUN.trials[2].trial, photos=photos))
+    run = replace(RUN, trials=(*RUN.trials[:2], seen))
+    found = saved(tmp_path, run)
+    assert [bytes(blob) for (blob,) in column(found["/camera"], "blob")] == [b"first", b"second"]
+    assert column(found["/camera"], "media_type") == [["image/jpeg"]] * 2
+    assert set(column(found["/camera"], "trial")) == {3}
+    begins_s = column(found["/world/label"], "time")[2].total_seconds()
+    times_s = [time.total_seconds() - begins_s for time in column(found["/camera"], "time")]
+    assert times_s == pytest.approx([0.25, 0.75])
+    assert "Camera, once a second" in print_recording(tmp_path / "run.rrd")
+
+
+def test_a_run_without_pictures_has_no_view_for_them(tmp_path: Path) -> None:
+    assert "/camera" not in saved(tmp_path, RUN)
+    assert "Camera, once a second" not in print_recording(tmp_path / "run.rrd")
+
+
+def weaker(trials: int, since: int) -> list[LoggedTrial]:
+    """Return trials of alike gaits, every fifth of them the reference, that are half as fast from one of them on."""
+    logged = []
+    for number in range(1, trials + 1):
+        trial, is_reference = logged_trial(number, poses=3), number % 5 == 1
+        gait = Gait((12.0, -14.0, 9.0 if is_reference else 8.0 + 0.1 * number))
+        phase = Phase.REFERENCE if is_reference else Phase.SEARCH
+        speed_m_s = (0.030 + 0.001 * (number % 3)) * (1.0 if number < since else 0.45)
+        suggestion = replace(trial.suggestion, gait=gait, phase=phase)
+        logged.append(
+            replace(
+                trial, suggestion=suggestion, trial=replace(trial.trial, gait=gait), score=speed_m_s, review=Review()
+            )
+        )
+    return logged
+
+
+def test_a_loss_of_strength_is_marked_from_when_it_was_known(tmp_path: Path) -> None:
+    found = saved(tmp_path, Run(STRUCTURE, (), tuple(weaker(24, since=13))))
+    counts = dict(zip(column(found["/chart/loss"], "trial"), column(found["/chart/loss"], "strips"), strict=True))
+    assert [len(counts[trial]) for trial in (5, 10, 24)] == [0, 0, 1]
+    assert column(found["/chart/loss_factor"], "labels")[-1] == ["strength x 0.47"]
+    x = counts[24][0][0][0]
+    assert x == pytest.approx(200.0 * 12.5 / 24)
+    texts = [text for (text,) in column(found["/result"], "text")]
+    assert "Strength: from trial 13 on the robot moves 0.47 times as far as before" in texts[-1]
+    assert "Strength" not in texts[9]
+
+
+def test_reference_trials_are_told_apart_from_the_search(tmp_path: Path) -> None:
+    found = saved(tmp_path, Run(STRUCTURE, (), tuple(weaker(11, since=99))))
+    colours = column(found["/chart/measured"], "colors")[-1]
+    assert [number for number, colour in enumerate(colours, 1) if colour == colours[0]] == [1, 6, 11]
+    assert any("reference" in labels for labels in column(found["/chart/axes"], "labels"))
+    assert "Reference: trials 1 with 31.0, 6 with 30.0, 11 with 32.0 mm/s" in column(found["/result"], "text")[-1][0]
+
+
+def test_suspect_trials_are_named_in_the_result(tmp_path: Path) -> None:
+    assert "Suspect: trials 1, 3, 4" in column(saved(tmp_path, RUN)["/result"], "text")[-1][0]
+
+
+def test_a_view_that_gets_trials_one_by_one_tells_of_causes_a_few_trials_after_they_show(tmp_path: Path) -> None:
+    with rr.RecordingStream("test") as recording:
+        recording.save(tmp_path / "run.rrd")
+        scene = Scene(Canvas(recording), STRUCTURE)
+        for logged in weaker(24, since=13):
+            scene.add([logged])
+    texts = [text for (text,) in column(tables(tmp_path / "run.rrd")["/result"], "text")]
+    told = [number for number, text in enumerate(texts, 1) if "Strength" in text]
+    assert 13 < told[0] <= 20
+    assert told == list(range(told[0], 25))
+
+
+def test_an_inclined_floor_is_an_arrow_as_long_as_the_way_it_carries_the_robot(tmp_path: Path) -> None:
+    drift_m_s = (0.004, -0.003)
+    run = Run(STRUCTURE, (), tuple(on_a_slope(number, drift_m_s) for number in range(1, 11)))
+    found = saved(tmp_path, run)
+    (arrow,) = column(found["/world/floor"], "vectors")[-1]
+    assert arrow == pytest.approx([4.0 * drift_m_s[0], 4.0 * drift_m_s[1], 0.0], abs=0.003)
+    assert column(found["/world/floor"], "labels")[-1][0].startswith("floor: 4.")
+    assert "Floor: inclined" in column(found["/result"], "text")[-1][0]
+
+
+def on_a_slope(number: int, drift_m_s: tuple[float, float]) -> LoggedTrial:
+    """Return a trial of 4 s at a heading of its own, at 20 mm/s along it, that the floor carries aside."""
+    yaw, logged = 0.7 * number, logged_trial(number, poses=3)
+    velocity = (0.02 * math.cos(yaw) + drift_m_s[0], 0.02 * math.sin(yaw) + drift_m_s[1])
+    poses = tuple(Pose(t, (velocity[0] * t, velocity[1] * t, 0.04), yaw) for t in (0.1 * step for step in range(41)))
+    gait = Gait((12.0, -14.0, 9.0))
+    return replace(logged, trial=replace(logged.trial, gait=gait, poses=poses, duration_s=4.0), score=0.02)
 
 
 def test_a_bare_log_opens_as_well_as_its_directory(tmp_path: Path) -> None:
