@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _Point = tuple[float, float]
 _Colour = tuple[int, int, int]
+Entry = tuple[str, _Colour]
+"""A kind of mark in the chart, and its colour."""
 
 # In the drawing's own unit: its axes span 200 x 60, with room for labels around them. Down is positive.
 _WIDE, _HIGH = 200.0, 60.0
@@ -79,36 +81,36 @@ def ticks(low: float, high: float, count: int) -> list[float]:
     return [step * place for place in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)]
 
 
-def send_axes(canvas: Canvas, axes: Axes, trials: Sequence[LoggedTrial], whens: Sequence[When]) -> None:
-    """Send grid, ticks, units and the legend of what ``trials`` have, from the first of ``whens`` on."""
+def send_axes(canvas: Canvas, axes: Axes, legend: Sequence[Entry], when: When) -> None:
+    """Send grid, ticks, units and the legend, from ``when`` on."""
     import rerun as rr
 
     speeds, numbers = ticks(axes.low, axes.high, 4), ticks(0, axes.trials, 8)
     grid = [[axes.place(0, y), axes.place(axes.trials, y)] for y in speeds]
-    begin = list(whens[:1])
-    canvas.send("chart/grid", begin, rr.LineStrips2D.columns(strips=grid).partition([len(grid)]))
+    canvas.send("chart/grid", [when], rr.LineStrips2D.columns(strips=grid).partition([len(grid)]))
     # Rerun writes a label a little below its place.
     texts = [((-4.5, axes.place(0, y)[1] - 3.0), f"{y:g}", _TEXT) for y in speeds]
     texts += [((axes.place(x, 0)[0], _HIGH + 0.5), f"{x:g}", _TEXT) for x in numbers if x == round(x)]
     texts += [((_WIDE / 2, _HIGH + 6.0), "trial", _TEXT), ((-6.0, -10.0), "mm/s", _TEXT)]
-    texts += _legend(trials)
+    step = 190.0 / len(legend)
+    texts += [((12.0 + step * (place + 0.5), -10.0), text, colour) for place, (text, colour) in enumerate(legend)]
     places, labels, colours = zip(*texts, strict=True)
     columns = rr.Points2D.columns(positions=places, labels=labels, colors=colours, radii=[0.0] * len(texts))
-    canvas.send("chart/axes", begin, columns.partition([len(texts)]))
+    canvas.send("chart/axes", [when], columns.partition([len(texts)]))
 
 
-def _legend(trials: Sequence[LoggedTrial]) -> list[tuple[_Point, str, _Colour]]:
+def list_legend(trials: Sequence[LoggedTrial]) -> tuple[Entry, ...]:
+    """Return what the chart of ``trials`` shows, with its colours."""
+    has_belief = any(logged.recommendation is not None for logged in trials)
     entries = (
         ("measured", _MEASURED, True),
         ("reference", _REFERENCE, any(map(is_reference, trials))),
         ("suspect", _SUSPECT, any(logged.review.is_suspect for logged in trials)),
         ("nothing measured", _FAILED, any(logged.score is None for logged in trials)),
-        ("best gait: mean", _MEAN, True),
-        ("its 95 % interval", (70, 130, 175), True),
+        ("best gait: mean", _MEAN, has_belief),
+        ("its 95 % interval", (70, 130, 175), has_belief),
     )
-    shown = [(text, colour) for text, colour, occurs in entries if occurs]
-    step = 190.0 / len(shown)
-    return [((12.0 + step * (place + 0.5), -10.0), text, colour) for place, (text, colour) in enumerate(shown)]
+    return tuple((text, colour) for text, colour, occurs in entries if occurs)
 
 
 def send_chart_styles(canvas: Canvas) -> None:

@@ -16,8 +16,8 @@ from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Pose, Structure, Trial
 from vvvaltr.controller.runs.log import find_trial_span_ns
 from vvvaltr.controller.view.canvas import Canvas, When
-from vvvaltr.controller.view.chart import Axes, send_axes, send_chart, send_chart_styles
-from vvvaltr.controller.view.scatter_causes import ScatterCauses, find_causes, is_reference, write_causes
+from vvvaltr.controller.view.chart import Axes, Entry, list_legend, send_axes, send_chart, send_chart_styles
+from vvvaltr.controller.view.scatter_causes import ScatterCauses, find_causes, write_causes
 from vvvaltr.controller.view.scene_causes import send_causes
 from vvvaltr.controller.view.scene_forces import list_force_columns
 from vvvaltr.controller.view.scene_goals import send_goals
@@ -70,7 +70,7 @@ class Scene:
         self._about = about
         self._trials: list[LoggedTrial] = []
         self._ends: list[When] = []
-        self._axes: Axes | None = None
+        self._chart: tuple[Axes, tuple[Entry, ...]] | None = None
         self._causes: tuple[str, ...] = ()
         self._map_range_mm_s: tuple[float, float] | None = None
         self._named_motors = 0
@@ -268,13 +268,10 @@ class Scene:
 
     def _send_chart(self, placed: Sequence[_Placed]) -> Axes:
         """Send the chart of speeds and return its axes; where those of before no longer hold all trials, new ones."""
-        axes = Axes.around(self._trials, self._planned)
-        has_new_kind = any(
-            it.logged.score is None or it.logged.review.is_suspect or is_reference(it.logged) for it in placed
-        )
-        if axes != self._axes or has_new_kind:
-            self._axes = axes
-            send_axes(self._canvas, axes, self._trials, [it.begin if len(placed) > 1 else it.end for it in placed])
+        axes, legend = Axes.around(self._trials, self._planned), list_legend(self._trials)
+        if (axes, legend) != self._chart:
+            self._chart = axes, legend
+            send_axes(self._canvas, axes, legend, placed[0].begin if len(placed) > 1 else placed[0].end)
         send_chart(self._canvas, axes, self._trials, self._ends, len(placed))
         return axes
 

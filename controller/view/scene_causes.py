@@ -13,7 +13,7 @@ from vvvaltr.controller.view.scatter_causes import ScatterCauses
 
 _FLOOR = (255, 165, 60)
 _LOSS = (255, 165, 60)
-_ABOVE_M = 0.002  # above the ground, to be visible
+_ABOVE_M, _LABEL_M = 0.002, 0.03  # above the ground, to be visible
 _TEXT_UP = 4.0  # of the chart's unit, below its upper edge
 
 
@@ -41,15 +41,17 @@ def _send_floor(canvas: Canvas, trials: Sequence[LoggedTrial], found: Sequence[t
     if not begins_m or all(drift is None for _, drift in drifts):
         return
     duration_s = float(np.median([logged.trial.duration_s for logged in trials if logged.trial.poses]))
-    canvas.log("world/floor", rr.Arrows3D.from_fields(colors=_FLOOR, radii=0.002, show_labels=True))
+    canvas.log("world/floor", rr.Arrows3D.from_fields(colors=_FLOOR, radii=-3.0))
+    canvas.log("world/floor/label", rr.Points3D.from_fields(colors=_FLOOR, radii=0.0, show_labels=True))
     known = [drift for _, drift in drifts if drift is not None]
-    columns = rr.Arrows3D.columns(
-        origins=[(*begins_m[0][:2], _ABOVE_M)] * len(known),
-        vectors=[(*(duration_s * drift.velocity_m_s), 0.0) for drift in known],
-        labels=[f"floor: {1000.0 * drift.speed_m_s:.1f} mm/s" for drift in known],
-    )
-    rows = [int(drift is not None) for _, drift in drifts]
-    canvas.send("world/floor", [when for when, _ in drifts], columns.partition(rows))
+    whens, rows = [when for when, _ in drifts], [int(drift is not None) for _, drift in drifts]
+    (x_m, y_m, _), *_ = begins_m
+    vectors = [(*(duration_s * drift.velocity_m_s), 0.0) for drift in known]
+    arrows = rr.Arrows3D.columns(origins=[(x_m, y_m, _ABOVE_M)] * len(known), vectors=vectors)
+    canvas.send("world/floor", whens, arrows.partition(rows))
+    labels = [f"floor: {1000.0 * drift.speed_m_s:.1f} mm/s" for drift in known]
+    texts = rr.Points3D.columns(positions=[(x_m, y_m, _LABEL_M)] * len(known), labels=labels)
+    canvas.send("world/floor/label", whens, texts.partition(rows))
 
 
 def _send_loss(canvas: Canvas, axes: Axes, found: Sequence[tuple[When, ScatterCauses]]) -> None:

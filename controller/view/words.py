@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 
-from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.records import LoggedTrial, Run, SteeringStep
+from vvvaltr.controller.core.values import Gait, Pose
 
 _TABLE_ROWS = 60  # the newest trials; `vvvaltr export` has all
 _TWINS = ("planar", "spatial")
@@ -43,6 +44,8 @@ def write_about(run: Run, has_maps: bool = False) -> str:
 
 def write_result(trials: Sequence[LoggedTrial]) -> str:
     """Return the result of a run, or of its first trials."""
+    if trials and trials[-1].steering is not None and trials[-1].recommendation is None:
+        return _write_way(trials, trials[-1].steering)
     outcomes = Counter(map(name_outcome, trials))
     counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
     recommended = [logged.recommendation for logged in trials if logged.recommendation is not None]
@@ -58,6 +61,31 @@ def write_result(trials: Sequence[LoggedTrial]) -> str:
         f"{len(trials)} trials: {counts}\n\n"
         f"The fastest single trial was {luckiest.trial.number} with {describe(luckiest)}; one trial alone may be luck."
     )
+
+
+def _write_way(trials: Sequence[LoggedTrial], step: SteeringStep) -> str:
+    """Return where a run of steering goes, how far it has come, and what was planned for its last movement."""
+    x_m, y_m = step.goal_m
+    heading = "" if step.goal_yaw_rad is None else f", heading {step.goal_yaw_rad:.2f} rad"
+    seen = [pose for logged in trials for pose in logged.trial.poses[-1:]]
+    left = _write_rest(seen[-1], step) if seen else "where the robot is was not seen"
+    movements = f"{len(trials)} movement{'s' * (len(trials) > 1)}"
+    expected = step.predicted
+    return (
+        f"### Going to {x_m:.3f} {y_m:.3f} m{heading}\n\n{left}, after {movements}\n\n"
+        f"Plan of the last movement: {max(1, len(step.plan))} up to the goal; this one was to take the robot "
+        f"{1000.0 * expected.forward_m:.0f} mm forward, {1000.0 * expected.left_m:.0f} mm to the left, and turn it by "
+        f"{expected.turn_rad:.2f} rad (arrow)."
+    )
+
+
+def _write_rest(pose: Pose, step: SteeringStep) -> str:
+    """Return how far it is from a pose to the goal."""
+    left_m = math.dist(pose.position_m[:2], step.goal_m)
+    if step.goal_yaw_rad is None:
+        return f"**{1000.0 * left_m:.0f} mm to go**"
+    turn_rad = math.remainder(step.goal_yaw_rad - pose.yaw_rad, math.tau)
+    return f"**{1000.0 * left_m:.0f} mm to go**, {abs(turn_rad):.2f} rad to turn"
 
 
 def write_table(trials: Sequence[LoggedTrial]) -> str:

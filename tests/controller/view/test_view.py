@@ -218,6 +218,26 @@ def test_goal_and_predicted_displacement_of_steering_are_drawn(tmp_path: Path) -
     )
 
 
+def going(number: int, goal_yaw_rad: float | None) -> LoggedTrial:
+    """Return a movement of steering, which ends 50 mm before its goal."""
+    logged = replace(logged_trial(number), recommendation=None, review=Review())
+    end = logged.trial.poses[-1]
+    goal_m = (end.position_m[0] + 0.03, end.position_m[1] + 0.04)
+    return replace(logged, steering=replace(logged.steering, goal_m=goal_m, goal_yaw_rad=goal_yaw_rad))
+
+
+def test_a_run_of_steering_tells_how_far_it_is_to_the_goal_and_what_was_planned(tmp_path: Path) -> None:
+    found = saved(tmp_path, Run(STRUCTURE, (), (going(1, None), going(2, 1.02))))
+    first, second = (text for (text,) in column(found["/result"], "text"))
+    assert first.startswith("### Going to ") and "**50 mm to go**, after 1 movement\n" in first
+    assert "**50 mm to go**, 1.00 rad to turn" in second
+    assert "2 up to the goal; this one was to take the robot 40 mm forward, 0 mm to the left" in second
+    assert [len(arrows) for arrows in column(found["/world/goal/heading"], "vectors")] == [0, 1]
+    (heading,) = column(found["/world/goal/heading"], "vectors")[1]
+    assert heading == pytest.approx([0.06 * math.cos(1.02), 0.06 * math.sin(1.02), 0.0])
+    assert not any("best gait" in label for labels in column(found["/chart/axes"], "labels") for label in labels)
+
+
 def test_one_trial_is_shown_alone_with_what_was_known_after_it(tmp_path: Path) -> None:
     found = saved(tmp_path, replace(with_maps(RUN), trial=3))
     assert set(column(found["/world/robot/struts"], "trial")) == {3}
