@@ -366,7 +366,7 @@ def test_an_inclined_floor_is_an_arrow_as_long_as_the_way_it_carries_the_robot(t
     found = saved(tmp_path, run)
     (arrow,) = column(found["/world/floor"], "vectors")[-1]
     assert arrow == pytest.approx([4.0 * drift_m_s[0], 4.0 * drift_m_s[1], 0.0], abs=0.003)
-    assert column(found["/world/floor"], "labels")[-1][0].startswith("floor: 4.")
+    assert column(found["/world/floor/label"], "labels")[-1][0].startswith("floor: 4.")
     assert "Floor: inclined" in column(found["/result"], "text")[-1][0]
 
 
