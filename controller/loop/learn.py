@@ -179,7 +179,7 @@ class _Plan:
         return self._keep(replace(logged, review=review_speed(trial.gait, speed_m_s, self.trials)))
 
     def _keep(self, logged: LoggedTrial) -> LoggedTrial:
-        self.trials.append(logged)
+        self.trials.append(logged.without_recordings())  # which are in the log: a long run must not fill the memory
         return logged
 
     def _is_search_over(self) -> bool:
