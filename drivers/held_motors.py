@@ -230,7 +230,7 @@ class HeldMotors:
                 return DeviceFault(
                     "stall",
                     f"{self._line.name}: motor {follower.number} of the line turns at {frequency_hz:.2g} Hz "
-                    f"instead of {follower.wanted_hz:g} Hz",
+                    f"instead of {follower.wanted_hz:g} Hz; free it, or check its supply and wiring",
                 )
         return None
 

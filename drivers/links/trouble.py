@@ -9,6 +9,9 @@ from contextlib import suppress
 
 from vvvaltr.drivers.links.local import describe_buses, describe_ports, find_user
 
+ECHO_CURE = "the receiving wire touches the sending one, or the adapter echoes; part the wires, or switch the echo off"
+"""Of a line on which what is sent comes back."""
+
 
 def explain(name: str, error: Exception) -> str:
     """Return why the line called ``name`` is lost or cannot be opened, with the cure.

@@ -12,6 +12,7 @@ from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 from vvvaltr.drivers.links.curve import to_commands
 from vvvaltr.drivers.links.link import Link
 from vvvaltr.drivers.links.remote_clock import RemoteClock
+from vvvaltr.drivers.links.trouble import ECHO_CURE
 from vvvaltr.drivers.motor_line import WATCHDOG
 from vvvaltr.drivers.node.protocol import (
     DEVICE_CLOCK_MS,
@@ -39,6 +40,12 @@ _HOLD_S = 0.2  # hold of one set-point: the node stops the motors after ten lost
 _GREETING_S = 1.0  # time for a node to answer the greeting
 _ANSWER_S = 0.1
 _MAX_BEHIND = 20  # commands sent that the node has not received yet
+
+_CURES = {
+    Fault.STALL: "free the motor, or check its supply and wiring",
+    Fault.OVER_TEMPERATURE: "let it cool, then run the motors more slowly",
+}
+_TWO_HOSTS_CURE = "check the wiring for noise, and end other programs that send to this node"
 
 _Answer = TypeVar("_Answer")
 
@@ -71,7 +78,9 @@ def open_node(link: Link, motors: Sequence[NodeMotorTable]) -> NodeLine:
 def _check_motors(name: str, welcome: Welcome, motors: Sequence[NodeMotorTable]) -> None:
     if welcome.motor_count != len(motors):
         raise DeviceFault(
-            "motors", f"{name}: the node has {welcome.motor_count} motors, the robot's file has {len(motors)}"
+            "motors",
+            f"{name}: the node has {welcome.motor_count} motors, the robot's file has {len(motors)}; correct the file, "
+            "or flash the firmware for as many motors",
         )
     for number, motor in enumerate(motors, start=1):
         if motor.max_command > welcome.max_hz + 1e-9:
@@ -105,13 +114,18 @@ def _greet(link: Link, motors: Sequence[NodeMotorTable]) -> NodeLine:
 def _ask(link: Link, decoder: Decoder, command: bytes, answer: Callable[[Message], _Answer | None]) -> _Answer:
     """Send ``command`` again and again until a message is its ``answer``."""
     deadline_s = time.monotonic() + _GREETING_S
+    heard = b""
     while time.monotonic() < deadline_s:
         link.write(command)
         again_s = time.monotonic() + _ANSWER_S
+        heard = b""
         while (left_s := again_s - time.monotonic()) > 0.0:
-            for found in map(answer, decoder.feed(link.read(4096, left_s))):
+            heard += (data := link.read(4096, left_s))
+            for found in map(answer, decoder.feed(data)):
                 if found is not None:
                     return found
+    if command in heard:
+        raise DeviceFault("echo", f"{link.name}: no motor node answers, and what is sent comes back: {ECHO_CURE}")
     raise DeviceTimeout(f"{link.name}: no motor node answers; check power, wiring, port and baud rate")
 
 
@@ -121,7 +135,7 @@ def _raise_faults(name: str, telemetry: Telemetry) -> None:
     for where, fault in faults:
         if fault is not Fault.NONE:
             code = fault.name.lower()
-            raise DeviceFault(code, f"{name}: {where} reports {code.replace('_', ' ')}; all motors are off")
+            raise DeviceFault(code, f"{name}: {where} reports {code.replace('_', ' ')}; {_CURES[fault]}")
 
 
 class NodeLine:
@@ -234,7 +248,9 @@ class NodeLine:
             self.repeated += 1  # harmless, and nothing new
             return
         if ahead >= SEQUENCES // 2:
-            raise DeviceFault(SEQUENCE, f"{self.name}: telemetry {telemetry.sequence} came after {last}")
+            raise DeviceFault(
+                SEQUENCE, f"{self.name}: telemetry {telemetry.sequence} came after {last}; {_TWO_HOSTS_CURE}"
+            )
         if ahead > 1:
             self.missed += ahead - 1
             _log.debug("%s: %d telemetry messages lost before number %d", self.name, ahead - 1, telemetry.sequence)
@@ -245,13 +261,25 @@ class NodeLine:
         if behind > _MAX_BEHIND:
             raise DeviceTimeout(f"{self.name}: the node has not received the last {behind} commands; check the wiring")
         if telemetry.expiries:
-            raise DeviceFault(WATCHDOG, f"{self.name}: the node's watchdog stopped the motors: no command came in time")
+            raise DeviceFault(
+                WATCHDOG,
+                f"{self.name}: the node's watchdog stopped the motors: no command came in time; check the cable, and "
+                "end programs that keep this computer busy",
+            )
 
     def _take_ack(self, ack: Ack) -> None:
         behind = (self._sequence - ack.sequence) % SEQUENCES
         if behind >= SEQUENCES // 2 or ack.status is Status.OUT_OF_ORDER:
-            raise DeviceFault(SEQUENCE, f"{self.name}: command {ack.sequence} is out of order after {self._sequence}")
+            raise DeviceFault(
+                SEQUENCE,
+                f"{self.name}: command {ack.sequence} is out of order after {self._sequence}; {_TWO_HOSTS_CURE}",
+            )
         if ack.status is Status.NOT_GREETED:
             raise LinkLost(f"{self.name}: the node has rebooted; check its supply")
         if ack.status in (Status.BAD_VALUE, Status.UNKNOWN_COMMAND):
-            raise DeviceFault("refused", f"{self.name}: the node refuses command {ack.sequence}: {ack.status.name}")
+            what = ack.status.name.lower().replace("_", " ")
+            raise DeviceFault(
+                "refused",
+                f"{self.name}: the node refuses command {ack.sequence} ({what}); flash the firmware that came with "
+                "this program",
+            )

@@ -16,14 +16,14 @@ from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 from vvvaltr.drivers.links.can import CanLink, Frame
 from vvvaltr.drivers.links.curve import to_commands
-from vvvaltr.drivers.motor_line import WATCHDOG, arm_or_close
+from vvvaltr.drivers.motor_line import arm_or_close
 from vvvaltr.drivers.odrive.protocol import (
-    ERRORS,
     PASS_THROUGH,
     VELOCITY_CONTROL,
     AxisState,
     Message,
     decode,
+    describe_errors,
     encode,
 )
 from vvvaltr.drivers.odrive.table import OdriveLineTable, OdriveMotorTable
@@ -32,6 +32,11 @@ _GREETING_S = 1.0  # time for all axes to send and to settle
 _SETTLE_S = 0.35  # three heartbeats: by then an axis has obeyed and reported it
 _TELL_AGAIN_S = 0.2
 _CURRENT_PERIOD_S = 0.1
+_OURS = frozenset({Message.SET_VELOCITY, Message.SET_STATE, Message.SET_MODES, Message.CLEAR_ERRORS})
+_RETURNED = (
+    "and commands to it come in: the port or its adapter echoes, or another program drives the axes; correct channel, "
+    "or end that program"
+)
 
 
 @dataclass(slots=True)
@@ -67,9 +72,10 @@ class OdriveLine:
 
     def __init__(self, link: CanLink, table: OdriveLineTable) -> None:
         self._link = link
-        self._errors = ERRORS[table.firmware]
+        self._firmware = table.firmware
         self._axes = {motor.node: _Axis(motor) for motor in table.motor}
         self._curves = tuple(motor.calibration for motor in table.motor)
+        self._returned = False
         self._armed_s: float | None = None
         self._rested_s = time.monotonic()
         self._told_idle_s = self._asked_current_s = -math.inf
@@ -178,6 +184,8 @@ class OdriveLine:
                 axis = missing[0]
                 if axis.error:
                     raise self._fault(axis)
+                if self._returned:
+                    raise DeviceFault("echo", f"{self.name}: {complaint} axis {axis.motor.node}, {_RETURNED}")
                 raise DeviceTimeout(f"{self.name}: {complaint} axis {axis.motor.node}; {cure}")
             # The axes' watchdogs may be running, or have expired already.
             self._tell(Message.SET_VELOCITY, 0.0, 0.0)
@@ -194,6 +202,7 @@ class OdriveLine:
             return
         node, message, values = decoded
         axis, now_s = self._axes[node], time.monotonic()
+        self._returned = self._returned or message in _OURS
         if not all(map(math.isfinite, values)):
             raise DeviceFault(
                 "garbled",
@@ -213,13 +222,13 @@ class OdriveLine:
         if self._armed_s is None:
             if axis.state == AxisState.CLOSED_LOOP and axis.heartbeat_s > self._rested_s + _SETTLE_S:
                 self.estop()
-                raise DeviceFault("disobedient", f"{where} stayed armed after a stop; emergency stop sent")
+                raise DeviceFault(
+                    "disobedient",
+                    f"{where} stayed armed after a stop; emergency stop sent; switch the drive off and on",
+                )
         elif axis.state != AxisState.CLOSED_LOOP and axis.heartbeat_s > self._armed_s + _SETTLE_S:
             raise DeviceFault("disarmed", f"{where} has disarmed by itself; read its errors with the maker's tool")
 
     def _fault(self, axis: _Axis) -> DeviceFault:
-        names = [name for bit, name in self._errors.items() if axis.error & bit] or ["an unknown error"]
-        code = WATCHDOG if WATCHDOG in names else names[0]
-        return DeviceFault(
-            code, f"{self.name}: axis {axis.motor.node} reports {', '.join(names)} ({axis.error:#x}); remove the cause"
-        )
+        code, what = describe_errors(self._firmware, axis.error)
+        return DeviceFault(code, f"{self.name}: axis {axis.motor.node} reports {what}")

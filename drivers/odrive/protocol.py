@@ -80,6 +80,32 @@ _NEW_ERRORS = {
 ERRORS: Mapping[Firmware, Mapping[int, str]] = {Firmware.OLD: _OLD_ERRORS, Firmware.NEW: _NEW_ERRORS}
 """Names of the bits of an axis error that a user may meet."""
 
+_CURES = {
+    WATCHDOG: "no command came in time; check the wiring of the bus, and end programs that keep this computer busy",
+    "supply voltage too low": "charge the battery, or check the supply and its cable",
+    "supply voltage too high": "check the supply, and the drive's brake resistor",
+    "supply current too high": "let the motors turn freely, or raise the drive's limit of the supply current",
+    "current limit exceeded": "let the motor turn freely, or check max_a in the robot's file",
+    "velocity limit exceeded": "let the motor's load be as it was tuned, or raise the drive's velocity limit",
+    "spin-out": "check that the encoder and the motor are firmly on their shaft",
+    "encoder failed": "check the encoder's cable",
+    "no estimate of the motor's place": "check the encoder's cable, and calibrate the drive by the maker's tool",
+    "emergency stop": "switch the drive off and on",
+    "starting": "try again in a moment",
+    **dict.fromkeys(
+        ("too hot", "motor too hot", "output stage too hot"), "let it cool, then run the motors more slowly"
+    ),
+}
+_OTHER_CURE = "read its errors with the maker's tool, and remove their cause"
+
+
+def describe_errors(firmware: Firmware, error: int) -> tuple[str, str]:
+    """Return the name of the most telling error of an axis, and all of them in words, with the cure of that one."""
+    names = [name for bit, name in ERRORS[firmware].items() if error & bit] or ["an unknown error"]
+    code = WATCHDOG if WATCHDOG in names else names[0]
+    return code, f"{', '.join(names)} ({error:#x}); {_CURES.get(code, _OTHER_CURE)}"
+
+
 VELOCITY_CONTROL, PASS_THROUGH = 2, 1
 
 

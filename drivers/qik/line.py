@@ -15,15 +15,16 @@ from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, UserError
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 from vvvaltr.drivers.links.curve import Curve, to_commands
 from vvvaltr.drivers.links.link import Link, discard, read_exactly
+from vvvaltr.drivers.links.trouble import ECHO_CURE
 from vvvaltr.drivers.motor_line import arm_or_close
 from vvvaltr.drivers.qik.protocol import (
     ASK_PERIOD_S,
-    ERRORS,
     SET_KEY,
     START,
     TELL_PERIOD_S,
     Opcode,
     Parameter,
+    describe_errors,
     encode_packet,
     watchdog_timeout_s,
 )
@@ -188,6 +189,8 @@ class QikLine:
                 f"{self.name}: no board answers as number {board}; check power, wiring, baud rate and the board's "
                 "device id"
             ) from None
+        if version == START:
+            raise DeviceFault("echo", f"{self.name}: what is sent comes back: {ECHO_CURE}")
         if version not in b"12":
             raise DeviceFault(
                 "firmware", f"{self.name}: board {board} answers {version:#04x}, which is not a qik 2s9v1; correct port"
@@ -201,7 +204,8 @@ class QikLine:
         if (kept := self._query(board, Opcode.GET, parameter)) != value:
             raise DeviceFault(
                 "configuration",
-                f"{self.name}: board {board} keeps {kept} as its {parameter.name.lower()} parameter instead of {value}",
+                f"{self.name}: board {board} keeps {kept} as its {parameter.name.lower()} parameter instead of "
+                f"{value}; check the wiring, then switch the board off and on",
             )
 
     def _query(self, board: int, command: Opcode, *data: int) -> int:
@@ -240,8 +244,8 @@ class QikLine:
             )
         (board, _, sent), self._asked = self._asked, None
         if answer:
-            names = [name for bit, name in ERRORS.items() if answer & bit]
-            raise DeviceFault(names[-1] if names else "garbled", f"{self.name}: board {board} reports {answer:#04x}")
+            code, what = describe_errors(answer)
+            raise DeviceFault(code, f"{self.name}: board {board} reports {what}")
         self._heard_s[board] = time.monotonic()
         self._applied = tuple(
             now if motor.board == board else before

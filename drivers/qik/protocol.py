@@ -8,11 +8,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum
 
+from vvvaltr.drivers.links.trouble import ECHO_CURE
 from vvvaltr.drivers.motor_line import WATCHDOG
 
 START = 0xAA  # begins a packet of the Pololu protocol; the board also finds the baud rate from it
 SET_KEY = (0x55, 0x2A)  # must follow a new value
 ERRORS = {0x08: "data overrun", 0x10: "frame error", 0x20: "CRC error", 0x40: "format error", 0x80: WATCHDOG}
+_CURES = {
+    0x08: "bytes came faster than it takes them; lower the baud rate",
+    0x10: "a byte came damaged; check wiring, ground and baud rate",
+    0x20: "a command came damaged; check the wiring for noise, and that crc in the robot's file is as the CRC jumper",
+    0x40: "a command made no sense; check wiring and baud rate, and that no other program or board sends on this line",
+    0x80: "no command came in time, so it stopped its motors; check cable and plugs, and end programs that keep this "
+    "computer busy",
+}
 TIMEOUT_UNIT_S = 0.262
 LONGEST_TIMEOUT_S = 1.0
 GREATEST_BAUD = 38400
@@ -39,6 +48,17 @@ class Parameter(IntEnum):
     PWM = 1
     SHUT_DOWN = 2
     TIMEOUT = 3
+
+
+def describe_errors(answer: int) -> tuple[str, str]:
+    """Return the name of the gravest error in an error byte, and all of them in words, with the cure of that one."""
+    if answer == START:
+        return "echo", f"{answer:#04x}, which is what was sent: {ECHO_CURE}"
+    bits = [bit for bit in ERRORS if answer & bit]
+    if not bits:
+        return "garbled", f"{answer:#04x}, which is no error of a qik; check the wiring for noise"
+    names = ", ".join(ERRORS[bit] for bit in bits)
+    return ERRORS[bits[-1]], f"{names} ({answer:#04x}): {_CURES[bits[-1]]}"
 
 
 def compute_crc7(data: bytes) -> int:

@@ -90,8 +90,9 @@ def _check_link(name: str, line: LineTable) -> Finding:
     try:
         opened = open_line(line)
     except (DeviceError, UserError) as error:
+        what, _, cure = str(error).partition("; ")
         return Finding(
-            name, False, str(error), "check port and power first, then the keys of the line in the robot's file"
+            name, False, what, cure or "check port and power first, then the keys of the line in the robot's file"
         )
     described = f"{opened.name}: {opened.motor_count} motors answer"
     opened.close()

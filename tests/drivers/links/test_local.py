@@ -65,8 +65,9 @@ def test_an_address_is_no_port_and_touches_nothing(address: str, suffix: str, vi
 
 
 def test_a_robots_file_with_an_address_leaves_the_readers_files_alone(
-    victim: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    victim: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("vvvaltr.controller.robot.commissioning.check._LOOK_AT_REST_S", 0.05)
     robot = tmp_path / "other.toml"
     robot.write_text(QIK.format(port=f"spy:///dev/null?file={victim}"))
 
