@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 import time
 from argparse import ArgumentParser, Namespace
-from contextlib import closing
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
+from vvvaltr.controller.cli.following import add_following_arguments, open_events, open_live_view
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number
 from vvvaltr.controller.cli.telling import bar, say_above
 from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
+    from vvvaltr.controller.core.protocols import Observer
     from vvvaltr.controller.studies.going import Errand, GoRun
 
 
@@ -36,22 +39,26 @@ def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--repertoire", action="append", type=Path, metavar="RUN",
                         help="run whose movements to use; repeatable")  # fmt: skip
     add_robot_arguments(parser)
-    where = parser.add_argument_group("run").add_mutually_exclusive_group()
+    group = parser.add_argument_group("run")
+    where = group.add_mutually_exclusive_group()
     where.add_argument("--out", type=Path, metavar="DIR", help="new directory for the run (default runs/DATE-go)")
     where.add_argument(
         "--resume", type=Path, metavar="DIR", help="continue the run in this directory, from where the robot is"
     )
+    add_following_arguments(group)
 
 
 def _execute(arguments: Namespace) -> Answer:
-    run = _open(arguments)
-    try:
-        with closing(run):
-            _go(run, arguments)
-    except KeyboardInterrupt as interrupt:
-        raise KeyboardInterrupt(f"{interrupt}; the run is saved, continue it by --resume {run.run.path}") from None
-    finally:
-        result = run.summarise()
+    with ExitStack() as stack:
+        observers = open_events(arguments, stack)
+        run = _open(arguments)
+        try:
+            with closing(run):
+                _go(run, observers, arguments)
+        except KeyboardInterrupt as interrupt:
+            raise KeyboardInterrupt(f"{interrupt}; the run is saved, continue it by --resume {run.run.path}") from None
+        finally:
+            result = run.summarise()
     return Answer(_prose(result), result, status=0 if result["reached"] else 1)
 
 
@@ -89,9 +96,13 @@ def _errand(arguments: Namespace) -> Errand:
     return Errand(goals, arguments.within_m, arguments.within_rad, arguments.budget_s)
 
 
-def _go(run: GoRun, arguments: Namespace) -> None:
-    with bar(arguments, unit="primitive", desc="going") as progress:
-        for logged in run.go():
+def _go(run: GoRun, observers: Sequence[Observer], arguments: Namespace) -> None:
+    from vvvaltr.controller.view.showing import show_going
+
+    with ExitStack() as stack:
+        view = open_live_view(arguments, stack, lambda: show_going(run.run.path))
+        progress = stack.enter_context(bar(arguments, unit="primitive", desc="going"))
+        for logged in run.go([*observers, *([view] if view else [])], view.watch if view else None):
             trial = logged.trial
             progress.update()
             if not trial.outcome.is_valid:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
+from vvvaltr.controller.cli.following import add_following_arguments, open_events, open_live_view
 from vvvaltr.controller.cli.options import (
     add_robot_arguments,
     add_trial_arguments,
@@ -21,7 +22,7 @@ from vvvaltr.controller.cli.options import (
     whole,
 )
 from vvvaltr.controller.cli.progress import TrialProgress
-from vvvaltr.controller.cli.rerun_extra import has_rerun, require_rerun
+from vvvaltr.controller.cli.rerun_extra import has_rerun
 from vvvaltr.controller.cli.telling import say
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.records import EventKind
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from vvvaltr.controller.core.protocols import Observer
     from vvvaltr.controller.core.records import Event, LoggedTrial
     from vvvaltr.controller.runs.run import RunDirectory
-    from vvvaltr.controller.view.recording import LiveView
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -55,9 +55,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
     where.add_argument("--out", type=Path, metavar="DIR", help="new directory for the run (default runs/DATE-ROBOT)")
     where.add_argument("--resume", type=Path, metavar="DIR", help="continue the run in this directory")
     group.add_argument("--no-recording", action="store_true", help="do not write the Rerun recording, run.rrd")
-    group.add_argument("--live", action="store_true", help="show the run in Rerun while it learns")
-    group.add_argument("--events", metavar="FILE", help="append each trial and warning to FILE as one line of JSON; "
-                       "a number is an open file descriptor")  # fmt: skip
+    add_following_arguments(group)
 
 
 def _gaits_by_repeats(text: str) -> tuple[int, int]:
@@ -68,16 +66,11 @@ def _gaits_by_repeats(text: str) -> tuple[int, int]:
 
 
 def _execute(arguments: Namespace) -> Answer:
-    from vvvaltr.controller.runs.events import EventStream
     from vvvaltr.controller.runs.run import RunDirectory
 
-    if arguments.live:
-        require_rerun()
     asked = _asked(arguments)
     with ExitStack() as stack:
-        observers: list[Observer] = []
-        if arguments.events is not None:
-            observers.append(stack.enter_context(closing(EventStream.open(arguments.events))))
+        observers = open_events(arguments, stack)
         if arguments.resume is not None:
             run = RunDirectory.resume(arguments.resume, asked)
         else:
@@ -128,14 +121,14 @@ def _default_directory(asked: dict[str, Any]) -> Path:
 
 
 def _learn(run: RunDirectory, observers: Sequence[Observer], arguments: Namespace) -> None:
+    from vvvaltr.controller.view.showing import show_learning
+
     done = sum(logged.score is not None for logged in run.trials)
     with ExitStack() as stack:
-        watch = None
-        if arguments.live:
-            view = stack.enter_context(closing(_live_view(run, arguments)))
-            observers, watch = [*observers, view], view.watch
+        view = open_live_view(arguments, stack, lambda: show_learning(run))
         progress = stack.enter_context(closing(TrialProgress(arguments, run.config.trials, done)))
-        for logged in run.learn([*observers, _Warnings(progress)], watch):
+        all_observers = [*observers, *([view] if view else []), _Warnings(progress)]
+        for logged in run.learn(all_observers, view.watch if view else None):
             progress.tell(logged)
 
 
@@ -152,17 +145,6 @@ class _Warnings:
         """Tell a warning."""
         if event.kind is EventKind.WARNING and not event.text.startswith("trial "):
             self._progress.warn(event.text)
-
-
-def _live_view(run: RunDirectory, arguments: Namespace) -> LiveView:
-    from vvvaltr.controller.view.showing import open_live_view
-
-    view = open_live_view(run)
-    try:
-        view.open_window()
-    except UserError:  # a robot's own computer has no screen; another one can watch through an ssh tunnel
-        say(arguments, f"the live view has no screen here; to watch it, type rerun --connect {view.url}")
-    return view
 
 
 def _save_recording(run: Path, arguments: Namespace) -> None:

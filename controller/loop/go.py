@@ -95,7 +95,7 @@ class Journey:
         budget_s: float,
         record: Callable[[LoggedTrial], None],
     ) -> None:
-        self._robot = _Staying(robot)
+        self._robot: Robot = _Staying(robot)
         self._steersman, self._goals, self._settings = steersman, tuple(goals), settings
         self._budget_s, self._record = budget_s, record
         self.trials: list[LoggedTrial] = []
@@ -104,6 +104,10 @@ class Journey:
         self._failures = self._useless = 0
         self._reason = ""
         self._last = Pose(0.0, (0.0, 0.0, 0.0))
+
+    def watch(self, put_around: Callable[[Robot], Robot]) -> None:
+        """Put something around the robot that follows it during each primitive."""
+        self._robot = put_around(self._robot)
 
     def go(self, first: int = 1) -> Iterator[LoggedTrial]:
         """Drive, from where the robot is; yields each primitive once it is recorded.

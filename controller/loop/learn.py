@@ -13,7 +13,7 @@ from vvvaltr.controller.core.records import EventKind, LoggedTrial
 from vvvaltr.controller.core.values import Gait, Outcome, Phase, Recommendation, Source, Suggestion, Trial
 from vvvaltr.controller.loop.causes import StrengthWatch, fault_standing_motor, review_speed, since_reference, to_repeat
 from vvvaltr.controller.loop.movement import complete_record
-from vvvaltr.controller.loop.observing import Followers
+from vvvaltr.controller.loop.observing import Followers, describe_end
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 
@@ -97,7 +97,7 @@ def learn(
                 followers.announce(EventKind.WARNING, news)
             yield logged
     except BaseException as error:
-        followers.announce(EventKind.END, _describe_end(error))
+        followers.announce(EventKind.END, describe_end(error))
         raise
     followers.announce(EventKind.END, "complete")
 
@@ -217,12 +217,6 @@ class _Plan:
                 return None
         candidates = zip(self._finalists, self._optimizer.predict(self._finalists), strict=True)
         return Recommendation(*max(candidates, key=lambda candidate: candidate[1].mean))
-
-
-def _describe_end(error: BaseException) -> str:
-    if isinstance(error, GeneratorExit):
-        return "the program that learns wanted no more trials"
-    return str(error) or type(error).__name__
 
 
 def _stop_if_hopeless(trial: Trial, failures: int) -> None:

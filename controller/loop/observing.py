@@ -42,3 +42,10 @@ class Followers:
             self._observers.remove(observer)
             return f"{type(observer).__name__} failed and is told nothing more: {type(error).__name__}: {error}"
         return ""
+
+
+def describe_end(error: BaseException) -> str:
+    """Return why a run ended that was not complete."""
+    if isinstance(error, GeneratorExit):
+        return "the program that follows the run wanted no more trials"
+    return str(error) or type(error).__name__

@@ -1,4 +1,4 @@
-"""The events of a run as JSON lines, for a program that follows it: ``vvvaltr learn --events FILE``."""
+"""The events of a run as JSON lines, for a program that follows it: ``--events FILE`` of ``learn`` and ``go``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, BinaryIO, Self
 import msgspec
 
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.core.records import Event, LoggedTrial
+from vvvaltr.controller.core.records import Event, LoggedTrial, SteeringStep
 from vvvaltr.controller.loop.summary import describe_recommendation
 
 
@@ -72,5 +72,16 @@ def _describe(logged: LoggedTrial) -> dict[str, Any]:
         "displacement": movement and movement.displacement,
         "applied_hz": logged.applied and logged.applied.mean_hz,
         "suspicion": logged.review.suspicion if logged.review.is_suspect else None,
+        "steering": logged.steering and _describe_step(logged.steering),
         "recommended": logged.recommendation and describe_recommendation(logged.recommendation),
+    }
+
+
+def _describe_step(step: SteeringStep) -> dict[str, Any]:
+    planned = [gait.frequency_hz for gait in step.plan]
+    return {
+        "goal_m": step.goal_m,
+        "goal_yaw_rad": step.goal_yaw_rad,
+        "predicted": step.predicted,
+        "planned_hz": planned,
     }

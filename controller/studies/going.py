@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -15,8 +15,10 @@ import numpy as np
 
 from vvvaltr.controller.core.disk import read_bytes, read_text
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
-from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.protocols import Observer, Robot
+from vvvaltr.controller.core.records import EventKind, LoggedTrial, Run
 from vvvaltr.controller.loop.go import Journey
+from vvvaltr.controller.loop.observing import Followers, describe_end
 from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.loop.steersman import Steersman
 from vvvaltr.controller.robot.choice import RobotChoice
@@ -58,7 +60,8 @@ class GoRun:
         self._rig = rig
         border = _border(rig.settings.arena)
         steersman = Steersman(repertoire, run.config.seed, border, rig.settings.settle_s)
-        self._journey = Journey(rig.robot, steersman, errand.targets, rig.settings, errand.budget_s, run.record)
+        self._journey = Journey(rig.robot, steersman, errand.targets, rig.settings, errand.budget_s, self._record)
+        self._followers = Followers(())
         self._is_new = not run.trials
 
     @classmethod
@@ -103,14 +106,38 @@ class GoRun:
             run.close()
             raise
 
-    def go(self) -> Iterator[LoggedTrial]:
-        """Drive; yields each primitive once it is recorded. See ``Journey.go`` for what is raised."""
+    def go(
+        self, observers: Sequence[Observer] = (), watch: Callable[[Robot], Robot] | None = None
+    ) -> Iterator[LoggedTrial]:
+        """Drive; yields each primitive once it is recorded. See ``Journey.go`` for what is raised.
+
+        Args:
+            observers: told of each primitive once it is in the log, and of the end.
+            watch: returns the robot with something put around it that follows it during a primitive; None for nothing.
+        """
+        self._followers = Followers(observers)
+        if watch is not None:
+            self._journey.watch(watch)
+        self._followers.announce(EventKind.BEGIN, f"{len(self.run.trials)} primitives made")
+        try:
+            yield from self._drive()
+        except BaseException as error:
+            self._followers.announce(EventKind.END, describe_end(error))
+            raise
+        ending = self._journey.ending
+        self._followers.announce(EventKind.END, "complete" if ending.reached else f"not reached: {ending.reason}")
+
+    def _drive(self) -> Iterator[LoggedTrial]:
         if self._is_new:
             self._rig.robot.place(1)
         else:
             self._rig.robot.carry_on(len(self.run.trials) + 1)
             self._journey.remember(self.run.trials)
         yield from self._journey.go(len(self.run.trials) + 1)
+
+    def _record(self, logged: LoggedTrial) -> None:
+        self.run.record(logged)
+        self._followers.show(logged)
 
     def summarise(self) -> dict[str, Any]:
         """Write `summary.json` and return what is in it."""

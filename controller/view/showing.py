@@ -36,9 +36,14 @@ def show_runs(paths: Sequence[Path], web: bool, trial: int | None = None) -> Non
     show(*(_open(path, trial) for path in paths), web=web)
 
 
-def open_live_view(run: RunDirectory) -> LiveView:
+def show_learning(run: RunDirectory) -> LiveView:
     """Return a view that shows ``run`` while it learns, to be closed after use."""
     return LiveView(run.logged, run.path.name, run.space, run.optimizer.predict, run.config.trials)
+
+
+def show_going(path: Path) -> LiveView:
+    """Return a view that shows the run of steering in ``path`` while it goes on, to be closed after use."""
+    return LiveView(read_run(path), path.name)
 
 
 def name_run(path: Path) -> str:

@@ -9,6 +9,7 @@ import pytest
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.runs.log import LOG_NAME, read_run
+from vvvaltr.controller.view.recording import LiveView
 
 
 def call(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
@@ -115,6 +116,49 @@ def test_way_points_are_passed(moves: Path, tmp_path: Path, capsys: pytest.Captu
     status, out, _ = call(capsys, *go(moves, tmp_path / "g", "--path", str(tmp_path / "corner.csv")))
 
     assert (status, json.loads(out)["goals"]) == (0, 2)
+
+
+def test_a_program_follows_each_primitive_of_go(
+    moves: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, _, _ = call(capsys, *go(moves, tmp_path / "g", "0.1", "0", "--events", str(tmp_path / "events")))
+
+    begin, *primitives, end = (json.loads(line) for line in (tmp_path / "events").read_text().splitlines())
+    logged = read_run(tmp_path / "g").trials
+    assert (status, begin["event"], end) == (0, "begin", {"event": "end", "text": "complete"})
+    assert [line["trial"] for line in primitives] == [each.trial.number for each in logged]
+    assert primitives[0]["steering"]["goal_m"] == [0.1, 0.0]
+    assert primitives[0]["steering"]["predicted"]["forward_m"] == logged[0].steering.predicted.forward_m
+    assert primitives[0]["steering"]["planned_hz"][0] == list(logged[0].trial.gait.frequency_hz)
+
+
+def test_why_go_ended_short_of_its_goal_is_its_last_event(
+    moves: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call(capsys, *go(moves, tmp_path / "g", "3", "0", "--time", "1", "--events", str(tmp_path / "events")))
+
+    last = json.loads((tmp_path / "events").read_text().splitlines()[-1])
+    assert last["event"] == "end"
+    assert last["text"].startswith("not reached: not there after 1 s of driving")
+
+
+def test_go_shown_live_moves_exactly_as_it_does_unseen(
+    moves: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    shown, frames = [], []
+    on_trial, close = LiveView.on_trial, LiveView.close
+    monkeypatch.setattr(LiveView, "on_trial", lambda view, logged: (shown.append(logged), on_trial(view, logged)))
+    monkeypatch.setattr(LiveView, "close", lambda view: (frames.append(view.frames), close(view)))
+    call(capsys, *go(moves, tmp_path / "unseen", "3", "0", "--time", "2"))
+
+    status, _, err = call(capsys, *go(moves, tmp_path / "seen", "3", "0", "--time", "2", "--live"))
+
+    assert (status, gaits_of(tmp_path / "seen")) == (1, gaits_of(tmp_path / "unseen"))
+    assert "type rerun --connect rerun+http://127.0.0.1:" in err
+    assert [logged.trial.number for logged in shown] == [it.trial.number for it in read_run(tmp_path / "seen").trials]
+    assert frames[0] > 0
 
 
 def test_what_is_not_reached_in_time_is_a_failure_with_a_reason(
