@@ -50,12 +50,14 @@ class Driver(Generic[TableT]):
             DeviceError where that fails, UserError for a motor that must be calibrated first.
         make_mock: plugs in a mock device under a port of this name; None where there is none.
         make_bus_mock: the same on a CAN bus, by python-can's interface and channel.
+        make_fast_mock: the same as ``make_mock``, with motors that reach so many Hz; None where they cannot.
     """
 
     table: type[TableT]
     open_line: Callable[[TableT], MotorLine]
     make_mock: Callable[[Path], MockLine] | None = None
     make_bus_mock: Callable[[str, str], MockLine] | None = None
+    make_fast_mock: Callable[[Path, float], MockLine] | None = None
 
 
 DRIVERS: Registry[Driver[Any]] = Registry(

@@ -16,7 +16,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
-from vvvaltr.controller.cli.options import TWINS
+from vvvaltr.controller.cli.options import TWINS, number
 from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--robot", choices=TWINS, default="planar", metavar="NAME",
                         help="twin that the motors move: planar or spatial (default planar)")  # fmt: skip
     parser.add_argument("--tracker", default="stream", metavar="KIND", help="tracker that sees it (default stream)")
+    parser.add_argument("--max-hz", type=number(above=0), metavar="HZ",
+                        help="what its motors reach (node, odrive; default 16.5)")  # fmt: skip
     parser.add_argument("--link", type=Path, metavar="PATH", help="name of the port (default: a new temporary one)")
     parser.add_argument(
         "--faults",
@@ -59,7 +61,13 @@ def _execute(arguments: Namespace) -> Answer | None:
         bus = (arguments.interface, arguments.channel) if arguments.interface else None
         with one_line_errors():
             mock = open_mock(
-                arguments.device, link, arguments.robot, script.fault if script else (), bus, arguments.tracker
+                arguments.device,
+                link,
+                arguments.robot,
+                script.fault if script else (),
+                bus,
+                arguments.tracker,
+                arguments.max_hz,
             )
         leaving.callback(mock.close)
         as_json = arguments.json or not os.isatty(_STDOUT)
@@ -144,8 +152,8 @@ class _EndingSignal:
 
     def __init__(self) -> None:
         self._is_set = False
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._set)
+        for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(ending, self._set)
 
     def __call__(self) -> bool:
         return self._is_set

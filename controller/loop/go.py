@@ -14,7 +14,8 @@ from vvvaltr.controller.core.records import Displacement, LoggedTrial, SteeringS
 from vvvaltr.controller.core.values import Outcome, Pose, Structure, Suggestion
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 from vvvaltr.controller.loop.scoring import score
-from vvvaltr.controller.loop.steersman import Steersman, Watch, primitive_settings
+from vvvaltr.controller.loop.steersman import Onward, Steersman, Watch, primitive_settings
+from vvvaltr.controller.loop.thinking import AtOnce, Thinking
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 from vvvaltr.transfer.steering.passage import rotation, where
 from vvvaltr.transfer.steering.planner import Goal, Plan
@@ -84,6 +85,7 @@ class Journey:
         settings: how a primitive is run; its duration is the longest one.
         budget_s: driving time that each goal may take.
         record: keeps a primitive for good before the next begins.
+        thinking: where plans are made while the motors turn; None for at once, as on a twin.
     """
 
     def __init__(
@@ -94,8 +96,10 @@ class Journey:
         settings: TrialSettings,
         budget_s: float,
         record: Callable[[LoggedTrial], None],
+        thinking: Thinking[Onward] | None = None,
     ) -> None:
         self._robot: Robot = _Staying(robot)
+        self._thinking: Thinking[Onward] = thinking or AtOnce()
         self._steersman, self._goals, self._settings = steersman, tuple(goals), settings
         self._budget_s, self._record = budget_s, record
         self.trials: list[LoggedTrial] = []
@@ -177,7 +181,7 @@ class Journey:
             return None
         movement, _ = way.steps[0]
         gait = self._steersman.gaits[movement]
-        watch = Watch(self._steersman, movement, goal)
+        watch = Watch(self._steersman, self._thinking, movement, goal, way, where(self._last))
         suggestion, step = Suggestion(gait, ORIGIN), self._step(goal, way)
         try:
             trial = run_trial(self._robot, gait, primitive_settings(self._settings, _LONGEST_S, watch), number)

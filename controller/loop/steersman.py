@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,14 @@ from vvvaltr.controller.core.errors import SafetyStop
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Outcome, Pose, Trial
 from vvvaltr.controller.loop.safety import Guard
+from vvvaltr.controller.loop.thinking import Thinking
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.transfer.steering.belief import Belief
 from vvvaltr.transfer.steering.hypotheses import Knowledge
 from vvvaltr.transfer.steering.passage import passage, where
 from vvvaltr.transfer.steering.planner import Abilities, Border, Goal, Plan, plan
 from vvvaltr.transfer.steering.repertoire import Repertoire
+from vvvaltr.transfer.steering.tube import Tube
 
 Array = NDArray[np.float64]
 
@@ -25,6 +27,21 @@ _FIRST_LOOK_S = 1.8  # into a primitive, before which its own velocity is not kn
 _BETWEEN_S = 0.4
 _DARING = 0.5  # share of what is not known that a plan may hope for
 _NEAR = 0.85  # of the tolerance, within which a primitive ends: the robot rolls on a little
+
+
+@dataclass(frozen=True, slots=True)
+class Onward:
+    """What to do within a primitive.
+
+    Args:
+        way: the best plan; its first step is -1 where the movement is to go on.
+        t_s: time in the drive from which it holds.
+        tube: where the movement leads if it goes on.
+    """
+
+    way: Plan
+    t_s: float
+    tube: Tube
 
 
 class Steersman:
@@ -56,10 +73,24 @@ class Steersman:
         """Return the way from a pose (3,) to the goal."""
         return plan(at, goal, self._able, self._border)
 
-    def plan_underway(self, movement: int, poses: Sequence[Pose], goal: Goal) -> Plan:
-        """Return the way on from the last of ``poses``; its first step is -1 where the movement is to go on."""
-        velocity, _ = self._belief.underway(movement, passage(poses))
-        return plan(where(poses[-1]), goal, self._able, self._border, velocity)
+    def tube(self, movement: int, at: Array) -> Tube:
+        """Return where a drive that begins at a pose (3,) leads if the movement is what the plans take it for.
+
+        It is as wide as trials of known movements scatter. A movement of which less is known than one trial could tell
+        is hoped for by the plans, and watched the more closely, so that one that disappoints is soon found out.
+        """
+        belief, able = self._belief, self._able
+        scatter, deviations = belief.scatter[movement], belief.deviations[movement]
+        usual = np.hypot(scatter, np.minimum(deviations, scatter))
+        width = usual / np.sqrt(1.0 + np.maximum((deviations / scatter) ** 2 - 1.0, 0.0))
+        return Tube(at, 0.0, self._delay_s, np.append(able.velocities[movement], able.drift_m_s), belief.around(width))
+
+    def onward(self, movement: int, poses: Sequence[Pose], goal: Goal) -> Onward:
+        """Return the way on from the last of ``poses``."""
+        mean, covariance = self._belief.underway(movement, passage(poses))
+        at, t_s = where(poses[-1]), poses[-1].t_s
+        way = plan(at, goal, self._able, self._border, mean[:3])
+        return Onward(way, t_s, Tube(at, t_s, 0.0, mean, covariance))
 
     def learn(self, trial: Trial) -> None:
         """Learn from a driven movement."""
@@ -99,22 +130,50 @@ def primitive_settings(settings: TrialSettings, longest_s: float, watch: Guard) 
 
 @dataclass(slots=True)
 class Watch:
-    """Ends a primitive at the goal, or where another movement is better by now."""
+    """Ends a primitive at the goal, or where another movement is better by now.
+
+    That is thought about where the plan ends the primitive, and before where the robot leaves the tube that the drive
+    was expected to stay in.
+
+    Args:
+        steersman: knows the movements.
+        thinking: where it thinks.
+        movement: which is driven.
+        goal: where to go.
+        way: the plan that begins with it.
+        at: (3,) where it begins.
+    """
 
     steersman: Steersman
+    thinking: Thinking[Onward]
     movement: int
     goal: Goal
+    way: InitVar[Plan]
+    at: InitVar[Array]
     seen: list[Pose] = field(default_factory=list)
-    look_s: float = _FIRST_LOOK_S
+    tube: Tube = field(init=False)
+    until_s: float = field(init=False)
+
+    def __post_init__(self, way: Plan, at: Array) -> None:
+        self.thinking.forget()
+        self.tube = self.steersman.tube(self.movement, at)
+        self.until_s = max(way.steps[0][1], _FIRST_LOOK_S)
 
     def __call__(self, pose: Pose) -> None:
         """Look at one pose. Raises SafetyStop."""
         self.seen.append(pose)
         if self.goal.is_reached(where(pose), _NEAR):
             raise SafetyStop(Outcome.CUT_SHORT, "at the goal")
-        if pose.t_s < self.look_s - 1e-6:
+        if not self.thinking.is_busy and self._is_due(pose):
+            seen = tuple(self.seen)
+            self.thinking.ask(lambda: self.steersman.onward(self.movement, seen, self.goal))
+        if (onward := self.thinking.answer()) is None:
             return
-        self.look_s = pose.t_s + _BETWEEN_S
-        way = self.steersman.plan_underway(self.movement, self.seen, self.goal)
-        if not way.steps or way.steps[0][0] >= 0:
+        if not onward.way.steps or onward.way.steps[0][0] >= 0:
             raise SafetyStop(Outcome.CUT_SHORT, "another movement is better from here")
+        self.tube, self.until_s = onward.tube, onward.t_s + onward.way.steps[0][1]
+
+    def _is_due(self, pose: Pose) -> bool:
+        if pose.t_s < _FIRST_LOOK_S - 1e-6 or pose.t_s < self.tube.from_s + _BETWEEN_S - 1e-6:
+            return False
+        return pose.t_s >= self.until_s - 1e-6 or not self.tube.holds(where(pose), pose.t_s)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 DEVICES = tuple(DRIVERS.built_in)
 _MARK = "# Written by vvvaltr mock, which removes it when it ends."
 _PROCESS = "# Process "  # that wrote it, on the second line
-_SEARCH_HZ = (4.0, 16.0)  # as far as the twins' motors go
+_SEARCH_HZ = (4.0, 16.0)  # as far as the planar twin's motors go
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +58,7 @@ def open_mock(
     faults: tuple[Fault, ...] = (),
     bus: tuple[str, str] | None = None,
     tracker: str = "stream",
+    max_hz: float | None = None,
 ) -> Mock:
     """Plug in a mock and write its robot's file beside ``link``.
 
@@ -68,6 +69,7 @@ def open_mock(
         faults: what goes wrong.
         bus: python-can's interface and channel, for a device on a CAN bus instead of under ``link``.
         tracker: the kind of tracker that sees the robot.
+        max_hz: what the motors reach; None for the mock's usual 16.5 Hz.
 
     Raises:
         UserError: the file would overwrite one of yours, or there is no such mock.
@@ -78,7 +80,7 @@ def open_mock(
         raise UserError(f"{robot_file} is not a mock's file and would be overwritten; choose another --link")
     _remove_leftover(link, robot_file)
     with ExitStack() as undo:
-        line = _make_line(device, link, bus)
+        line = _make_line(device, link, bus, max_hz)
         undo.callback(line.port.close)
         feed = _make_feed(tracker)
         undo.callback(feed.feed.close)
@@ -87,7 +89,8 @@ def open_mock(
         mock = Mock(PluggedDevice(line.device, line.port, motion, faults), line.port.name, robot_file, feed.address)
         undo.callback(robot_file.unlink, missing_ok=True)
         head = f"{_MARK}\n{_PROCESS}{os.getpid()}\n\n"
-        robot_file.write_text(head + _robot_file(twin, line.table, feed.table), encoding="utf-8")
+        content = _robot_file(twin, line.table, feed.table, max_hz or _SEARCH_HZ[1])
+        robot_file.write_text(head + content, encoding="utf-8")
         undo.pop_all()
     return mock
 
@@ -102,8 +105,12 @@ def _remove_leftover(link: Path, robot_file: Path) -> None:
         link.unlink()
 
 
-def _make_line(device: str, link: Path, bus: tuple[str, str] | None) -> MockLine:
+def _make_line(device: str, link: Path, bus: tuple[str, str] | None, max_hz: float | None) -> MockLine:
     driver = DRIVERS.named(device)
+    if max_hz is not None:
+        if driver.make_fast_mock is None or bus is not None:
+            raise NotUnderstood(f"the motors of this mock {device} end where they do: leave out --max-hz")
+        return driver.make_fast_mock(link, max_hz)
     if bus is not None:
         if driver.make_bus_mock is None:
             raise NotUnderstood(f"the mock {device} has no CAN bus: leave out --interface and --channel")
@@ -126,10 +133,10 @@ def _twin(name: str) -> Preset:
     return TWINS[name]
 
 
-def _robot_file(twin: str, line: LineTable, tracker: TrackerTable) -> str:
+def _robot_file(twin: str, line: LineTable, tracker: TrackerTable, high_hz: float) -> str:
     robot = RobotFile(
         line=(line,),
         tracker=tracker,
-        search=SearchTable(low_hz=_SEARCH_HZ[0], high_hz=_SEARCH_HZ[1]),
+        search=SearchTable(low_hz=_SEARCH_HZ[0], high_hz=high_hz),
     )
     return to_toml({**msgspec.to_builtins(robot), "body": _twin(twin).body})

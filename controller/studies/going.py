@@ -20,7 +20,8 @@ from vvvaltr.controller.core.records import EventKind, LoggedTrial, Run
 from vvvaltr.controller.loop.go import Journey
 from vvvaltr.controller.loop.observing import Followers, describe_end
 from vvvaltr.controller.loop.safety import Arena
-from vvvaltr.controller.loop.steersman import Steersman
+from vvvaltr.controller.loop.steersman import Onward, Steersman
+from vvvaltr.controller.loop.thinking import Aside, AtOnce, Thinking
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.studies.steering_run import SteeringRun, load_repertoire, open_again, steering_config
@@ -60,7 +61,10 @@ class GoRun:
         self._rig = rig
         border = _border(rig.settings.arena)
         steersman = Steersman(repertoire, run.config.seed, border, rig.settings.settle_s)
-        self._journey = Journey(rig.robot, steersman, errand.targets, rig.settings, errand.budget_s, self._record)
+        self._thinking: Thinking[Onward] = AtOnce() if run.config.robot.is_twin else Aside()
+        self._journey = Journey(
+            rig.robot, steersman, errand.targets, rig.settings, errand.budget_s, self._record, self._thinking
+        )
         self._followers = Followers(())
         self._is_new = not run.trials
 
@@ -149,7 +153,7 @@ class GoRun:
 
     def close(self) -> None:
         """Stop the motors, let go of the robot and close the log."""
-        with closing(self.run), closing(self._rig.robot):
+        with closing(self.run), closing(self._thinking), closing(self._rig.robot):
             pass
 
 

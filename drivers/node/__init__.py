@@ -24,4 +24,10 @@ def _make_mock(link: Path) -> MockLine:
     return make_mock(link)
 
 
-DRIVER = Driver(table=NodeLineTable, open_line=_open_line, make_mock=_make_mock)
+def _make_fast_mock(link: Path, max_hz: float) -> MockLine:
+    from vvvaltr.drivers.node.mock import make_mock
+
+    return make_mock(link, max_hz)
+
+
+DRIVER = Driver(NodeLineTable, _open_line, make_mock=_make_mock, make_fast_mock=_make_fast_mock)

@@ -15,7 +15,7 @@ from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable
 from vvvaltr.drivers.registry import MockLine
 
 _HEADROOM = 1.25  # of the frequency without load over the greatest that may be asked for
-_MOTORS, _MAX_HZ = 3, 16.5  # as far as the twins' motors go
+_MOTORS, _MAX_HZ = 3, 16.5  # as far as the planar twin's motors go
 _RAMP_S = 0.15  # from rest to the greatest frequency
 _TICKS_PER_S = 1_000_000
 _FAULTS = {core.STALL: "stall", core.OVER_TEMPERATURE: "over_temperature"}
@@ -103,10 +103,10 @@ class NodeDevice:
                 self._is_silent = begins
 
 
-def make_mock(link: Path) -> MockLine:
+def make_mock(link: Path, max_hz: float = _MAX_HZ) -> MockLine:
     """Plug in a node under the port ``link``. Raises ValueError for a name that is taken."""
-    device = NodeDevice(_MOTORS, _MAX_HZ, lambda: random.getrandbits(30), time.monotonic())
-    table = NodeLineTable(port=str(link), motor=(NodeMotorTable(max_hz=_MAX_HZ),) * _MOTORS)
+    device = NodeDevice(_MOTORS, max_hz, lambda: random.getrandbits(30), time.monotonic())
+    table = NodeLineTable(port=str(link), motor=(NodeMotorTable(max_hz=max_hz),) * _MOTORS)
     return MockLine(PtyPort(link, is_paced=True), device, table)
 
 

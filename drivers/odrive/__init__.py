@@ -30,4 +30,10 @@ def _make_bus_mock(interface: str, channel: str) -> MockLine:
     return make_bus_mock(interface, channel)
 
 
-DRIVER = Driver(OdriveLineTable, _open_line, _make_mock, _make_bus_mock)
+def _make_fast_mock(link: Path, max_hz: float) -> MockLine:
+    from vvvaltr.drivers.odrive.mock import make_mock
+
+    return make_mock(link, max_hz)
+
+
+DRIVER = Driver(OdriveLineTable, _open_line, _make_mock, _make_bus_mock, _make_fast_mock)

@@ -17,7 +17,7 @@ from vvvaltr.drivers.odrive.table import Firmware, OdriveLineTable, OdriveMotorT
 from vvvaltr.drivers.registry import MockLine
 
 WATCHDOG_S = 0.25
-_MOTORS, _MAX_HZ = 3, 16.5  # as far as the twins' motors go
+_MOTORS, _MAX_HZ = 3, 16.5  # as far as the planar twin's motors go
 _HEARTBEAT_S, _ESTIMATES_S = 0.1, 0.01
 _IDLE_A, _A_PER_HZ, _STALLED_A = 0.05, 0.02, 4.0
 _ENCODERS = {
@@ -183,11 +183,11 @@ class OdriveDevice:
         ]
 
 
-def make_mock(link: Path) -> MockLine:
+def make_mock(link: Path, max_hz: float = _MAX_HZ) -> MockLine:
     """Plug in axes behind an slcan adapter under the port ``link``. Raises ValueError for a name that is taken."""
     # The serial line of a USB adapter is as fast as USB, whatever its baud rate.
     port = PtyPort(link, is_paced=False)
-    return MockLine(port, SlcanAdapter(OdriveDevice(_MOTORS)), _line_table("slcan", str(link)))
+    return MockLine(port, SlcanAdapter(OdriveDevice(_MOTORS)), _line_table("slcan", str(link), max_hz))
 
 
 def make_bus_mock(interface: str, channel: str) -> MockLine:
@@ -197,6 +197,6 @@ def make_bus_mock(interface: str, channel: str) -> MockLine:
     return MockLine(port, SlcanAdapter(OdriveDevice(_MOTORS), is_open=True), table)
 
 
-def _line_table(interface: str, channel: str) -> OdriveLineTable:
-    motors = tuple(OdriveMotorTable(node=node, max_hz=_MAX_HZ) for node in range(_MOTORS))
+def _line_table(interface: str, channel: str, max_hz: float = _MAX_HZ) -> OdriveLineTable:
+    motors = tuple(OdriveMotorTable(node=node, max_hz=max_hz) for node in range(_MOTORS))
     return OdriveLineTable(interface=interface, channel=channel, motor=motors)

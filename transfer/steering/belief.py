@@ -22,8 +22,8 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.steering.passage import Passage
 
-_WANDER_M = 0.0015  # of the path about an even walk, after a second
-_WANDER_RAD = 0.03
+WANDER_M = 0.0015  # of the path about an even walk, after a second
+WANDER_RAD = 0.03
 _DRIFT_SHARE = 0.35  # by which the drift of one gait differs from the floor's
 _TAIL = 4.0  # degrees of freedom of Student's t
 _BAD = 0.06  # share of bad trials
@@ -103,15 +103,25 @@ class Belief:
         return replace(self, mean=self.mean + gain @ error, covariance=0.5 * (covariance + covariance.T)), log_density
 
     def underway(self, movement: int, seen: Passage | None) -> tuple[Array, Array]:
-        """Return velocity (3,) and drift (2,) of the trial that is being driven, with what has been seen of it."""
+        """Return what is known of the trial that is being driven, with what has been seen of it.
+
+        Returns:
+            mean: (5,) its velocity and the floor's drift.
+            covariance: (5, 5).
+        """
         index = self._index(movement)
         mean = self.mean[index]
         covariance = self.covariance[np.ix_(index, index)] + np.diag([*self.scatter[movement] ** 2, 0.0, 0.0])
         if seen is not None:
             h, y, noise = _linear(seen)
             gain = np.linalg.solve(h @ covariance @ h.T + noise, h @ covariance).T
-            mean = mean + gain @ (y - h @ mean)
-        return mean[:3], mean[3:]
+            mean, covariance = mean + gain @ (y - h @ mean), covariance - gain @ h @ covariance
+        return mean, covariance
+
+    def around(self, width: Array) -> Array:
+        """Return the covariance (5, 5) of a velocity of some width (3,) and of the drift that is put on it."""
+        drift = _DRIFT_SHARE * float(np.hypot(*self.drift_m_s))
+        return np.diag(np.append(width, [drift, drift]) ** 2)
 
     def drawn(self, random: np.random.Generator) -> tuple[Array, Array]:
         """Return movements (n, 3) and drift (2,) drawn from the belief: Thompson sampling tries what may be good."""
@@ -132,7 +142,7 @@ def _linear(seen: Passage) -> tuple[Array, Array, Array]:
     h[:-1, 4] = np.repeat(seen.duration_s, 2) * np.tile([0.0, 1.0], pieces)
     h[-1, 2] = seen.total_s
     y = np.append(seen.moved_m.ravel(), seen.turned_rad)
-    variances = np.append(_WANDER_M**2 * np.repeat(seen.duration_s, 2), _WANDER_RAD**2 * seen.total_s)
+    variances = np.append(WANDER_M**2 * np.repeat(seen.duration_s, 2), WANDER_RAD**2 * seen.total_s)
     return h, y, np.diag(variances)
 
 

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from vvvaltr.controller.core.errors import DeviceError
+from vvvaltr.controller.core.errors import DeviceError, NotUnderstood
 from vvvaltr.controller.core.values import Gait, Outcome
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.hardware import open_hardware
-from vvvaltr.controller.robot.mock import DEVICES
+from vvvaltr.controller.robot.mock import DEVICES, open_mock
 from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.drivers.links.serial import SerialLink
 from vvvaltr.drivers.mocking.faults import Fault, Kind
@@ -44,6 +44,23 @@ run_trial(robot, Gait((9.0, -12.0, 15.0)), TrialSettings(duration_s=30.0, headin
 def mock(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[MockProcess]:
     with MockProcess(request.param, tmp_path_factory.mktemp(request.param) / "port") as mock:
         yield mock
+
+
+@pytest.mark.parametrize("device", ["node", "odrive"])
+def test_motors_are_as_fast_as_they_are_asked_to_be(tmp_path: Path, device: str) -> None:
+    with MockProcess(device, tmp_path / "fast", "--max-hz", "50") as mock:
+        file = load_robot_file(Path(mock.greeting.robot_file))
+        with closing(open_hardware(file)) as robot:
+            robot.motors.drive(Gait((50.0, -50.0, 30.0)), 0.5)
+            applied = mock.wait_until(lambda status: abs(status.applied_hz[1]) > 49.0).applied_hz
+
+    assert applied == pytest.approx((50.0, -50.0, 30.0), abs=5.0)  # a node controls them
+    assert file.search.high_hz == 50.0
+
+
+def test_a_mock_whose_motors_end_where_they_do_says_so(tmp_path: Path) -> None:
+    with pytest.raises(NotUnderstood, match="leave out --max-hz"):
+        open_mock("qik", tmp_path / "slow", max_hz=50.0)
 
 
 @contextmanager
