@@ -95,11 +95,17 @@ def count_events(device: str, faults: int, seed: int, kinds: Collection[Kind] = 
             timer.join()
             if counts["spoilt_trials_learned_from"] > spoilt:
                 print(f"{device}: spoilt by {fault}", flush=True)
-            try:
-                observed.rested_s(_REST_S)
-            except TimeoutError:
-                counts["motors_left_running"] += 1
+            counts["motors_left_running"] += not _wait_for_rest(observed)
     return counts
+
+
+def _wait_for_rest(observed: ObservedDevice) -> bool:
+    """Wait until all motors are off, and return whether they are."""
+    try:
+        observed.rested_s(_REST_S)
+    except TimeoutError:
+        return False
+    return True
 
 
 def _learn(path: Path, observed: ObservedDevice, trials: int) -> Counter[str]:
@@ -128,6 +134,8 @@ def _watch(run: RunDirectory, observed: ObservedDevice) -> Counter[str]:
     try:
         for logged in run.learn():
             counts[f"trials_{logged.trial.outcome}"] += 1
+            if logged.score is None:  # a watchdog may stop it later; the next trial begins there
+                _wait_for_rest(observed)
             note = observed.note()
             off_s = measure_off_s(note.changes, logged.trial.duration_s)
             error_m = measure_error_m(logged, before.place_m, note.place_m)

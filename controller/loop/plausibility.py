@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Pose
+from vvvaltr.controller.loop.at_rest import MEDIAN_TO_MEAN, average_at_rest, standard_error, unwrap
 
 _WINDOW_S = 1.0  # in which the share of dropped poses is judged
 _LARGEST_SHARE = 0.4
@@ -26,8 +27,7 @@ _YAW_SCATTER_RAD = 0.08  # at rest, as a standard deviation: no tracker is as ba
 _LARGEST_SHARE_AT_REST = 0.25
 _BODY_LENGTH_M = 0.15  # of the published robots
 _LENGTHS_PER_TURN = 0.1  # ten times what the fastest known gait does
-_MAD_TO_SD = 1.4826
-_MEDIAN_TO_MEAN = math.sqrt(math.pi / 2.0)  # the standard error of a median over that of a mean, normal noise
+_RUN_DOWN_S = 0.1  # for which a robot goes on at speed once its motors are off
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +57,21 @@ def plausible_speed_m_s(max_hz: float) -> float:
     return _BODY_LENGTH_M * _LENGTHS_PER_TURN * max_hz
 
 
+@dataclass(frozen=True, slots=True)
+class _Stray:
+    """A place to which the robot cannot have come: what stays there stays wrong, however old the last good pose is.
+
+    Args:
+        pose: the latest one there.
+        problem: why the robot cannot have come there.
+        apart: how far apart two poses are, in what was wrong about it.
+    """
+
+    pose: Pose
+    problem: str
+    apart: Callable[[Pose, Pose], float]
+
+
 class PoseFilter:
     """Lets the plausible poses of one trial through, counts the others, and ends the trial where they persist.
 
@@ -66,6 +81,7 @@ class PoseFilter:
     def __init__(self, limits: Plausibility) -> None:
         self._limits = limits
         self._last: Pose | None = None
+        self._stray: _Stray | None = None  # what was seen since then
         self._start_z_m: float | None = None
         self._seen: deque[tuple[float, bool]] = deque()
         self._frozen_since_s = math.nan
@@ -83,7 +99,7 @@ class PoseFilter:
         possible = [pose for pose, problem in zip(poses, problems, strict=True) if not problem]
         if not possible:
             raise TrackingLost(f"no pose of the robot at rest is plausible: {problems[-1]}")
-        middle_m = average_at_rest(possible).position_m
+        middle_m = _most_central(possible).position_m
         near = [pose for pose in possible if math.dist(pose.position_m, middle_m) <= self._limits.shake_m]
         dropped = len(poses) - len(near)
         self.dropped += dropped
@@ -114,11 +130,11 @@ class PoseFilter:
         """
         if self._is_repeat(pose, motors_turn):
             return True
-        problem = self._problem(pose)
+        problem = self._problem(pose, motors_turn)
         self._note(pose, problem)
         if problem:
             return False
-        self._last = pose
+        self._last, self._stray = pose, None
         return True
 
     def _is_repeat(self, pose: Pose, motors_turn: bool) -> bool:
@@ -141,7 +157,7 @@ class PoseFilter:
             )
         return False
 
-    def _problem(self, pose: Pose) -> str:
+    def _problem(self, pose: Pose, motors_turn: bool = True) -> str:
         """Return why ``pose`` cannot be the robot's; empty if it can."""
         problem = _absolute_problem(pose)
         if problem:
@@ -152,27 +168,36 @@ class PoseFilter:
                 f"the robot's centre is {lift_m:+.2f} m from its height at the start; put it on the ground, or set "
                 'up = "y" if that axis points up'
             )
-        return "" if last is None else _origin_problem(pose, (last,)) or self._jump_problem(pose, last)
+        return "" if last is None else _origin_problem(pose, (last,)) or self._jump_problem(pose, last, motors_turn)
 
-    def _jump_problem(self, pose: Pose, last: Pose) -> str:
+    def _jump_problem(self, pose: Pose, last: Pose, motors_turn: bool) -> str:
         """Return why the robot cannot have come from ``last`` to ``pose``; empty if it can."""
         if not any(_place(last)) and pose.position_m[2]:
             return f"the poses were zero to the last digit before: the tracker did not see the robot; {_SHOW}"
+        if (stray := self._stray) is not None and stray.apart(pose, stray.pose) < stray.apart(pose, last):
+            problem, apart = stray.problem, stray.apart
+        else:
+            problem, apart = self._step_problem(pose, last, motors_turn)
+        if problem:
+            self._stray = _Stray(pose, problem, apart)
+        return problem
+
+    def _step_problem(self, pose: Pose, last: Pose, motors_turn: bool) -> tuple[str, Callable[[Pose, Pose], float]]:
+        """Return why the robot cannot have moved so far, and what measures how far it moved."""
         gap_s = max(0.0, pose.t_s - last.t_s)
-        moved_m = math.dist(pose.position_m[:2], last.position_m[:2])
-        if moved_m > (allowed_m := self._limits.shake_m + self._limits.max_speed_m_s * gap_s):
+        moved_m, turned_rad = _distance_m(pose, last), _turn_rad(pose, last)
+        moving_s = gap_s if motors_turn else min(gap_s, _RUN_DOWN_S)
+        if moved_m > (allowed_m := self._limits.shake_m + self._limits.max_speed_m_s * moving_s):
             return (
                 f"the position jumped by {moved_m:.3g} m in {gap_s:.2f} s, where {allowed_m:.2g} m is plausible; "
                 f"{_TWO_BODIES}"
-            )
-        turned_rad = abs(math.remainder(pose.yaw_rad - last.yaw_rad, math.tau))
-        is_upright = max(abs(pose.pitch_rad), abs(last.pitch_rad)) < _STEEP_RAD
-        if is_upright and turned_rad > (allowed_rad := _TURN_RAD + _TURN_RAD_S * gap_s):
+            ), _distance_m
+        if turned_rad > (allowed_rad := _TURN_RAD + _TURN_RAD_S * gap_s):
             return (
                 f"the yaw jumped by {turned_rad:.2g} rad in {gap_s:.2f} s, where {allowed_rad:.2g} rad is plausible; "
                 f"{_DEGREES}"
-            )
-        return ""
+            ), _turn_rad
+        return "", _distance_m
 
     def _note(self, pose: Pose, problem: str) -> None:
         """Count a pose, and raise TrackingLost if too many were dropped."""
@@ -223,10 +248,27 @@ def _origin_problem(pose: Pose, others: Sequence[Pose]) -> str:
 
 def _check_yaws(poses: Sequence[Pose]) -> None:
     """Raise TrackingLost if the yaw of a robot at rest scatters as only another unit can."""
-    error_rad = _standard_error(_unwrapped([pose.yaw_rad for pose in poses])) or 0.0
-    scatter_rad = error_rad * math.sqrt(len(poses)) / _MEDIAN_TO_MEAN
+    error_rad = standard_error(unwrap([pose.yaw_rad for pose in poses])) or 0.0
+    scatter_rad = error_rad * math.sqrt(len(poses)) / MEDIAN_TO_MEAN
     if scatter_rad > _YAW_SCATTER_RAD:
         raise TrackingLost(f"the yaw of the robot at rest scatters by {scatter_rad:.2f} rad; {_DEGREES}")
+
+
+def _distance_m(pose: Pose, other: Pose) -> float:
+    """Return how far apart two poses are along the ground."""
+    return math.dist(pose.position_m[:2], other.position_m[:2])
+
+
+def _turn_rad(pose: Pose, other: Pose) -> float:
+    """Return by how much two headings differ; by nothing where the robot stands on end, for its yaw may then be any."""
+    if max(abs(pose.pitch_rad), abs(other.pitch_rad)) >= _STEEP_RAD:
+        return 0.0
+    return abs(math.remainder(pose.yaw_rad - other.yaw_rad, math.tau))
+
+
+def _most_central(poses: Sequence[Pose]) -> Pose:
+    """Return the pose that is nearest to the others by the median: of two bodies one, never a place between them."""
+    return min(poses, key=lambda pose: float(np.median([math.dist(pose.position_m, it.position_m) for it in poses])))
 
 
 def _place(pose: Pose) -> tuple[float, ...]:
@@ -235,37 +277,3 @@ def _place(pose: Pose) -> tuple[float, ...]:
 
 def _numbers(pose: Pose) -> tuple[object, ...]:
     return pose.position_m, pose.yaw_rad, pose.pitch_rad, pose.roll_rad, pose.markers_m
-
-
-def average_at_rest(poses: Sequence[Pose]) -> RestingPose:
-    """Return where the robot lay during one or more finite poses, and how certain that is.
-
-    Medians, so that an outlier has no say; their standard error from the median absolute deviation, for normal noise.
-    """
-    x_m, y_m, z_m = (float(np.median(each)) for each in zip(*(pose.position_m for pose in poses), strict=True))
-    yaws_rad = _unwrapped([pose.yaw_rad for pose in poses])
-    pitch_rad = float(np.median(_unwrapped([pose.pitch_rad for pose in poses])))
-    roll_rad = float(np.median(_unwrapped([pose.roll_rad for pose in poses])))
-    errors_m = [_standard_error([pose.position_m[axis] for pose in poses]) for axis in (0, 1)]
-    return RestingPose(
-        (x_m, y_m, z_m),
-        float(np.median(yaws_rad)),
-        pitch_rad,
-        roll_rad,
-        None if errors_m[0] is None or errors_m[1] is None else math.hypot(errors_m[0], errors_m[1]) / math.sqrt(2.0),
-        _standard_error(yaws_rad),
-    )
-
-
-def _unwrapped(angles_rad: Sequence[float]) -> list[float]:
-    """Return the angles, each within half a turn of the last one."""
-    last_rad = angles_rad[-1]
-    return [last_rad + math.remainder(angle_rad - last_rad, math.tau) for angle_rad in angles_rad]
-
-
-def _standard_error(values: Sequence[float]) -> float | None:
-    """Return the standard error of the median of ``values``; None for a single one."""
-    if len(values) < 2:
-        return None
-    deviation = float(np.median(np.abs(np.array(values) - np.median(values))))
-    return _MEDIAN_TO_MEAN * _MAD_TO_SD * deviation / math.sqrt(len(values))

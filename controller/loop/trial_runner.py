@@ -15,7 +15,8 @@ from vvvaltr.controller.core.errors import DeviceError, DeviceTimeout, LinkLost,
 from vvvaltr.controller.core.protocols import Photographer, Robot
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Command, Gait, MotorState, Outcome, Photo, Pose, Trial
-from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter, average_at_rest
+from vvvaltr.controller.loop.at_rest import average_at_rest
+from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter
 from vvvaltr.controller.loop.safety import Arena, Guard, HeadingGuard, make_arena_guard
 from vvvaltr.controller.loop.scoring import implausibility
 from vvvaltr.drivers.links.remote_clock import RemoteClock

@@ -70,6 +70,8 @@ def find_loss(places: Array, speeds_m_s: Sequence[float]) -> Loss | None:
         distance = np.sqrt(((places[kept][:, None] - places[kept][None, :]) ** 2).sum(axis=2))
         good = _is_no_outlier(y, distance)
         kept, y, distance = kept[good], y[good], distance[np.ix_(good, good)]
+    if len(kept) < 4:
+        return None
     times = kept.astype(float)
     after = np.tril(np.ones((len(kept), len(kept))))[:, 1:]  # column T: 1 from trial T on
     evidence, steps = [], []

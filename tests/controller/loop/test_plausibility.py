@@ -6,7 +6,8 @@ import pytest
 
 from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.controller.core.values import Pose
-from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter, average_at_rest, plausible_speed_m_s
+from vvvaltr.controller.loop.at_rest import average_at_rest
+from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter, plausible_speed_m_s
 
 RATE_HZ = 25.0
 
@@ -50,8 +51,46 @@ def test_outliers_now_and_then_are_dropped_and_counted() -> None:
 def test_a_robot_that_is_suddenly_elsewhere_is_lost() -> None:
     poses = new_filter()
     accepted(poses, [walk(n) for n in range(1, 50)])
-    with pytest.raises(TrackingLost, match=r"jumped by 0\.5"):
+    with pytest.raises(TrackingLost, match=r"jumped by 0\.497"):
         accepted(poses, [walk(n, 0.5) for n in range(50, 70)])
+
+
+@pytest.mark.parametrize("by_m", [0.08, 0.1, 0.3])
+@pytest.mark.parametrize("motors_turn", [True, False])
+def test_a_robot_that_is_seen_elsewhere_for_long_is_not_believed_to_have_walked_there(
+    by_m: float, motors_turn: bool
+) -> None:
+    limits = Plausibility(max_speed_m_s=plausible_speed_m_s(16.5))  # by which it would be 0.1 m away after 0.2 s
+    poses = PoseFilter(limits)
+    poses.begin_at(average_at_rest([walk(0)]), 0.0)
+    accepted(poses, [walk(n) for n in range(1, 50)])
+
+    with pytest.raises(TrackingLost, match=r"jumped by 0\.\d+ m in 0\.04 s, where 0\.06 m"):
+        accepted(poses, [walk(n, by_m) for n in range(50, 100)], motors_turn)
+
+
+def test_a_robot_that_was_seen_elsewhere_for_a_moment_is_seen_again() -> None:
+    poses = PoseFilter(Plausibility(max_speed_m_s=plausible_speed_m_s(16.5)))
+    poses.begin_at(average_at_rest([walk(0)]), 0.0)
+
+    assert accepted(poses, [walk(n, 0.1 if 50 <= n < 55 else 0.0) for n in range(1, 100)]) == 94
+    assert poses.dropped == 5
+
+
+def test_a_yaw_that_is_wrong_for_long_is_not_believed_to_have_turned() -> None:
+    poses = new_filter()
+    accepted(poses, [walk(n) for n in range(1, 50)])
+
+    with pytest.raises(TrackingLost, match=r"yaw jumped by 1 rad in 0\.04 s"):
+        accepted(poses, [walk(n, yaw_rad=1.0) for n in range(50, 100)])
+
+
+def test_a_robot_whose_motors_are_off_is_not_seen_to_go_on() -> None:
+    limits = Plausibility(max_speed_m_s=plausible_speed_m_s(16.5))
+    for motors_turn in (True, False):  # unseen for 0.3 s, in which 0.12 m are plausible on the way
+        poses = PoseFilter(limits)
+        poses.begin_at(average_at_rest([walk(0)]), 0.0)
+        assert poses.accepts(Pose(0.3, (0.1, 0.0, 0.06)), motors_turn) is motors_turn
 
 
 def test_two_bodies_in_turn_are_lost() -> None:
@@ -111,6 +150,19 @@ def test_an_outlier_at_rest_has_no_say_in_where_the_drive_begins_wherever_it_sta
 def test_poses_at_rest_that_do_not_agree_are_lost() -> None:
     with pytest.raises(TrackingLost, match=r"apart; let the tracker see one body alone"):
         PoseFilter(Plausibility()).rest([walk(n, 0.4 * (n % 2)) for n in range(5)])
+
+
+@pytest.mark.parametrize("others", [1, 2, 3])
+@pytest.mark.parametrize("apart_m", [0.06, 0.1])
+def test_a_place_between_two_at_which_the_robot_is_seen_at_rest_is_none(others: int, apart_m: float) -> None:
+    poses = [walk(0, apart_m if n < others else 0.0) for n in range(4)]
+
+    if others == 2:
+        with pytest.raises(TrackingLost, match=f"up to {apart_m:g} m apart"):
+            PoseFilter(Plausibility()).rest(poses)
+    else:
+        x_m, *_ = PoseFilter(Plausibility()).rest(poses).position_m
+        assert x_m == pytest.approx(apart_m if others == 3 else 0.0)
 
 
 @pytest.mark.parametrize(

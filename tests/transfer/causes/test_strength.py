@@ -50,3 +50,12 @@ def test_a_loss_is_seen_through_different_gaits():
 def test_few_trials_say_nothing():
     assert find_loss(np.zeros((3, 3)), [1.0, 1.0, 0.5]) is None
     assert find_loss(np.zeros((5, 3)), [0.0] * 5) is None
+
+
+def test_what_is_left_of_trials_that_nearly_all_stood_still_says_nothing():
+    random = np.random.default_rng(0)
+    for count in range(4, 12):
+        for _ in range(40):
+            speeds = np.exp(random.normal(0.0, 4.0, count))  # so far apart that hardly two agree
+            loss = find_loss(random.random((count, 3)), speeds.tolist())
+            assert loss is None or 0.0 <= loss.probability <= 1.0
