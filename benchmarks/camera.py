@@ -199,10 +199,12 @@ class Shown(threading.Thread):
         """Tell poses until it is over."""
         while not self.is_over.wait(0.02):
             now_s = time.monotonic()
-            self.told.append((now_s, None if self.is_hidden else self.place(now_s)))
+            # A place is noted before it can be seen, that the robot is hidden only once it is: the camera goes on.
             if self.is_hidden:
                 self._feed.send_lost(now_s)
+                self.told.append((time.monotonic(), None))
             else:
+                self.told.append((now_s, self.place(now_s)))
                 self._feed.send(Pose(now_s, (*self.place(now_s), 0.04), 0.3))
 
     def hide(self) -> None:

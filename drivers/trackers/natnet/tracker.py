@@ -5,12 +5,8 @@ from __future__ import annotations
 import math
 import threading
 import time
-from concurrent.futures import Future, InvalidStateError
-from contextlib import suppress
 
 from vvvaltr.controller.core.errors import LinkLost, UserError
-from vvvaltr.controller.core.values import Pose
-from vvvaltr.drivers.links.remote_clock import RemoteClock
 from vvvaltr.drivers.trackers.attitude import is_unit, matrix_of_quaternion
 from vvvaltr.drivers.trackers.natnet.protocol import (
     OLDEST,
@@ -26,13 +22,14 @@ from vvvaltr.drivers.trackers.natnet.protocol import (
 from vvvaltr.drivers.trackers.natnet.table import NatnetTable
 from vvvaltr.drivers.trackers.natnet.wires import Wires
 from vvvaltr.drivers.trackers.newest import UNSEEN, NewestPose
+from vvvaltr.drivers.trackers.receiving import Opening, ReceivingTracker
 
 _ASK_S, _KEEP_ALIVE_S, _SILENCE_S, _LOOK_S = 0.25, 1.0, 2.0, 0.05
 _NEWEST_MAJOR, _MOST_MALFORMED = 4, 3
 _CURE = "check that Motive runs, that its streaming is on, and tracker.host and tracker.port"
 
 
-class NatnetTracker:
+class NatnetTracker(ReceivingTracker):
     """A rigid body that Motive tracks, by its name: satisfies ``PoseTracker``. It connects again by itself.
 
     Args:
@@ -48,34 +45,25 @@ class NatnetTracker:
     def __init__(self, table: NatnetTable, patience_s: float = 3.0) -> None:
         self._table = table
         self._address = f"NatNet at {table.host}:{table.port}"
-        self._newest = NewestPose(table.age_limit_s, f"no frame has come from {self._address} yet")
+        super().__init__(NewestPose(table.age_limit_s, f"no frame has come from {self._address} yet"))
         self._wires = Wires(table)
         self._server: ServerInfo | None = None
         self._body: int | None = None  # its id
         self._has_exposure: bool | None = None
         self._malformed = 0  # datagrams since the last frame
         self._asked_s = self._heard_s = -math.inf
-        self._opened: Future[None] = Future()
+        self._opening = Opening(self._newest)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"poses from {self._address}", daemon=True)
         self._thread.start()
         try:
-            self._opened.result(patience_s)
+            self._opening.wait(patience_s)
         except TimeoutError:
             self.close()
             raise LinkLost(self._silence(patience_s)) from None
         except BaseException:
             self.close()
             raise
-
-    @property
-    def clock(self) -> RemoteClock:
-        """The camera system's clock."""
-        return self._newest.clock
-
-    def pose(self) -> Pose:
-        """Return the newest pose. Raises TrackingLost if there is none that is fresh and trustworthy."""
-        return self._newest.pose()
 
     def close(self) -> None:
         """Disconnect. Idempotent."""
@@ -84,19 +72,23 @@ class NatnetTracker:
         self._wires.close()
 
     def _run(self) -> None:
-        while not self._closing.is_set():
-            self._speak(time.monotonic())
-            for datagram in self._wires.heard(_LOOK_S):
-                try:
-                    self._hear(datagram, time.monotonic())
-                except UserError as error:
-                    self._fail(error)
-                except ValueError as error:
-                    self._newest.lose(f"a malformed datagram from {self._address}: {error}")
-                    self._malformed += 1
-                    if self._malformed == _MOST_MALFORMED:
-                        self._forget()  # Motive has started anew, in another version
-        self._wires.send(message(Message.DISCONNECT))
+        with self._opening.told_of_defects():
+            while not self._closing.is_set():
+                self._speak(time.monotonic())
+                for datagram in self._wires.heard(_LOOK_S):
+                    self._hear_or_lose(datagram, time.monotonic())
+            self._wires.send(message(Message.DISCONNECT))
+
+    def _hear_or_lose(self, datagram: bytes, received_s: float) -> None:
+        try:
+            self._hear(datagram, received_s)
+        except UserError as error:
+            self._opening.fail(error)
+        except ValueError as error:
+            self._newest.lose(f"a malformed datagram from {self._address}: {error}")
+            self._malformed += 1
+            if self._malformed == _MOST_MALFORMED:
+                self._forget()  # Motive has started anew, in another version
 
     def _speak(self, now_s: float) -> None:
         """Ask for what is not known yet, or say that we still listen."""
@@ -153,8 +145,7 @@ class NatnetTracker:
             names = ", ".join(map(repr, known)) or "no rigid body at all"
             raise UserError(f"tracker.body is {wanted!r}, but {self._address} knows {names}; name one that it knows")
         self._body = known[wanted]
-        with suppress(InvalidStateError):  # it was open already
-            self._opened.set_result(None)
+        self._opening.succeed()
 
     def _take(self, frame: Frame, server: ServerInfo, received_s: float) -> None:
         self._heard_s, self._malformed = received_s, 0
@@ -178,13 +169,7 @@ class NatnetTracker:
         else:
             self._newest.take(frame.number, t_s, UNSEEN, received_s)
 
-    def _fail(self, error: UserError) -> None:
-        if self._opened.done():
-            self._newest.lose(str(error))
-        else:
-            self._opened.set_exception(error)
-
     def _silence(self, silent_s: float) -> str:
-        if self._server is None or self._opened.done():
+        if self._server is None or self._opening.is_over:
             return f"{self._address} has been silent for {silent_s:.1f} s; {_CURE}"
         return f"{self._address} does not name its rigid bodies within {silent_s:g} s; restart its streaming"

@@ -9,8 +9,8 @@ import threading
 import time
 
 from vvvaltr.controller.core.values import Pose
-from vvvaltr.drivers.links.remote_clock import RemoteClock
 from vvvaltr.drivers.trackers.newest import UNSEEN, NewestPose
+from vvvaltr.drivers.trackers.receiving import ReceivingTracker
 from vvvaltr.drivers.trackers.stream.message import Axes, Told, decode_pose, encode_lost, encode_pose, explain_key
 from vvvaltr.drivers.trackers.stream.origin import OneOrigin, TwoPlaces
 from vvvaltr.drivers.trackers.stream.table import StreamTable
@@ -61,7 +61,7 @@ class PoseSender:
             return
 
 
-class StreamTracker:
+class StreamTracker(ReceivingTracker):
     """A tracker that listens for poses: satisfies ``PoseTracker``.
 
     Args:
@@ -77,7 +77,7 @@ class StreamTracker:
         self._socket = PoseSocket(table.host, table.port, table.interface)
         self.address = self._socket.address
         reason, cure = f"no pose has come to {self.address}", "start the tracker and let it send there"
-        self._newest = NewestPose(table.age_limit_s, reason, cure)
+        super().__init__(NewestPose(table.age_limit_s, reason, cure))
         self._origin, self._places = OneOrigin(table.name), TwoPlaces()
         self._datagram, self._sent_s, self._heard_s = b"", -math.inf, -math.inf
         self._keys: set[str] = set()
@@ -86,15 +86,6 @@ class StreamTracker:
         # A thread of its own, for a socket that is not read keeps the oldest datagrams and discards the newest.
         self._thread = threading.Thread(target=self._listen, name=f"poses on {self.address}", daemon=True)
         self._thread.start()
-
-    @property
-    def clock(self) -> RemoteClock:
-        """The sender's clock."""
-        return self._newest.clock
-
-    def pose(self) -> Pose:
-        """Return the newest pose. Raises TrackingLost if it is too old, malformed, or the robot was not seen."""
-        return self._newest.pose()
 
     def close(self) -> None:
         """Stop listening. Idempotent."""
