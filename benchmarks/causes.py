@@ -3,7 +3,7 @@
 ``floor``: random signed gaits on the spatial twin, a third of the trials repeats, the robot left where it stopped, in
 ``hurried`` with other inclines. The true drift is the mean displacement of ten gaits over four headings each.
 ``strength``: synthetic runs that search and repeat, half of them with a halving; ``laboratory``: a table of repeats.
-``learning``: what Plain-BO recommends under ``careful`` and ``hurried``, by its true speed.
+``learning``: what Plain-BO recommends under each scatter, by its true speed, with and without correcting for causes.
 ``standing``: repeats of one gait some of which stand still, as a laboratory's robot does.
 Each finished run is a line in ``--out``, so that an interrupted benchmark has lost nothing.
 """
@@ -15,10 +15,12 @@ import csv
 import json
 import math
 import time
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import LoggedTrial
@@ -29,10 +31,10 @@ from vvvaltr.controller.loop.learn import Budget, learn
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
-from vvvaltr.transfer.causes.floor import Pieces, cut, learn_drift
+from vvvaltr.transfer.causes.floor import cut, learn_drift, weigh
 from vvvaltr.transfer.causes.standing import find_standing
 from vvvaltr.transfer.causes.strength import find_loss
-from vvvaltr.transfer.methods.registry import make_optimizer
+from vvvaltr.transfer.methods.plain_bo import PlainBO
 from vvvaltr.twin.engine import Start
 from vvvaltr.twin.presets import TWINS
 from vvvaltr.twin.scatter import Scatter, parse_scatter
@@ -77,13 +79,12 @@ def run_floor(body: str, incline_rad: float, seed: int) -> list[dict[str, Any]]:
     random, pieces, driven, found = stream(seed, 0, "floor gaits"), [], [], []
     for number, gait in enumerate(_gaits(random, max(LOOKS), robot.range_hz[1]), start=1):
         trial = run_trial(robot, gait, SETTINGS, number)
-        piece: Pieces | None = cut(trial.poses, gait.frequency_hz) if trial.outcome.is_valid else None
-        if piece is not None:
-            pieces.append(piece)
+        if trial.outcome.is_valid and (cuts := cut(trial.poses)):
+            pieces.append(cuts)
             driven.append(gait)
         if number in LOOKS:
             begun_s = time.process_time()
-            drift = learn_drift(driven, pieces)
+            drift = learn_drift(driven, pieces, [weigh(gait.frequency_hz) for gait in driven])
             assert drift is not None
             off_rad = abs(math.remainder(drift.azimuth_rad - azimuth_rad, math.tau))
             found.append(
@@ -164,46 +165,65 @@ def run_standing(cv: float, seed: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def run_learning(twin: str, scatter: str, seed: int) -> dict[str, Any]:
-    """Return the true speeds in m/s of what Plain-BO recommends after 20 and 40 trials under a scatter."""
+def _drive_level(twin: str, scatter: str, gaits: list[Gait], repeats: int, seed: int) -> list[float]:
+    """Return the true speed of each gait in m/s: on a level floor, from fresh starts, all motors at full strength."""
     preset = TWINS[twin]
-    robot = preset.make(seed=seed, scatter=scatter)
+    robot = preset.make(seed=seed, scatter=parse_scatter(scatter, preset.frequency_scatter).level())
+    speeds = []
+    for gait in gaits:
+        trials = [run_trial(robot, gait, SETTINGS, number) for number in range(1, repeats + 1)]
+        valid = [score(trial) for trial in trials if trial.outcome.is_valid]
+        speeds.append(float(np.mean(valid)) if valid else math.nan)
+    return speeds
+
+
+@cache
+def known_gaits(twin: str) -> tuple[list[Gait], list[float]]:
+    """Return gaits that no run is told of, and their true speeds: what a model's ranking is judged by."""
+    high_hz = TWINS[twin].make().range_hz[1]
+    random = stream(0, 0, "known gaits")
+    gaits = [Gait(tuple(random.uniform(-high_hz, high_hz, 3))) for _ in range(40)]
+    return gaits, _drive_level(twin, "careful", gaits, 2, seed=9_999)
+
+
+def run_learning(twin: str, scatter: str, seed: int, corrects: bool) -> dict[str, Any]:
+    """Return true speeds in m/s of what Plain-BO recommends after 20 and 40 trials under a scatter, and how it ranks.
+
+    ``corrects`` says whether it corrects for the causes of scatter.
+    """
+    robot = TWINS[twin].make(seed=seed, scatter=scatter)
     high_hz = robot.range_hz[1]
     space = GaitSpace.over(robot.motors.motor_count, -high_hz, high_hz)
-    trials: list[LoggedTrial] = []
+    optimizer, trials = PlainBO(space, seed, corrects=corrects), list[LoggedTrial]()
+    gaits, true_m_s = known_gaits(twin)
     guarded = GuardedRobot(robot, Limits(robot.max_hz))
-    for _ in learn(guarded, make_optimizer("plain", space, seed, []), SETTINGS, Budget(40), trials.append):
-        pass
-    valid = [logged for logged in trials if logged.score is not None]
-    level = parse_scatter(scatter, preset.frequency_scatter).level()
-    true_m_s = []
-    for after in (20, 40):
-        recommended = valid[after - 1].recommendation
-        assert recommended is not None
-        fresh = preset.make(seed=seed + 10_000, scatter=level)
-        starts = [run_trial(fresh, recommended.gait, SETTINGS, number) for number in range(1, 7)]
-        true_m_s.append(float(np.mean([score(trial) for trial in starts if trial.outcome.is_valid])))
-    suspects = sum(logged.review.is_suspect for logged in trials)
+    recommended, ranks = [], []
+    for _ in learn(guarded, optimizer, SETTINGS, Budget(40), trials.append):
+        if sum(logged.score is not None for logged in trials) in (20, 40) and trials[-1].recommendation is not None:
+            recommended.append(trials[-1].recommendation.gait)
+            expected = [estimate.mean for estimate in optimizer.predict(gaits)]
+            ranks.append(float(spearmanr(expected, true_m_s, nan_policy="omit").statistic))
     return {
-        "what": "learning", "twin": twin, "scatter": scatter, "seed": seed, "true_m_s": true_m_s, "suspects": suspects,
+        "what": "learning", "twin": twin, "scatter": scatter, "corrects": corrects, "seed": seed,
+        "true_m_s": _drive_level(twin, scatter, [recommended[0], recommended[-1]], 6, seed + 10_000),
+        "rank": [ranks[0], ranks[-1]], "suspects": sum(logged.review.is_suspect for logged in trials),
         "trials": len(trials), "loss": find_loss_in(trials) is not None,
     }  # fmt: skip
 
 
 def summarise_learning(rows: list[dict[str, Any]]) -> None:
-    """Print the true speeds under each scatter, and those of ``hurried`` over those of ``careful``."""
-    for twin in {row["twin"] for row in rows}:
-        means = {}
-        for scatter in ("careful", "hurried"):
-            of = np.array([row["true_m_s"] for row in rows if (row["twin"], row["scatter"]) == (twin, scatter)])
-            if not len(of):
-                return
-            means[scatter] = of.mean(axis=0)
-            error = of.std(axis=0, ddof=1) / math.sqrt(len(of)) if len(of) > 1 else np.full(2, np.nan)
-            told = ", ".join(f"{1000 * m:.1f} +- {1000 * e:.1f}" for m, e in zip(means[scatter], error, strict=True))
-            print(f"{twin} {scatter}, {len(of)} runs: true speed after 20 and 40 trials {told} mm/s")
-        share = means["hurried"] / means["careful"]
-        print(f"{twin}: hurried reaches {share[0]:.0%} and {share[1]:.0%} of careful", flush=True)
+    """Print true speeds and rank correlations of each kind of run, with standard errors."""
+    groups: dict[tuple[str, str, bool], list[dict[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault((row["twin"], row["scatter"], row["corrects"]), []).append(row)
+    for (twin, scatter, corrects), of in groups.items():
+        speeds_mm_s, ranks = 1000.0 * np.array([row["true_m_s"] for row in of]), np.array([row["rank"] for row in of])
+        error = speeds_mm_s.std(axis=0) / math.sqrt(max(1, len(of) - 1))
+        told = ", ".join(f"{m:.2f} +- {e:.2f}" for m, e in zip(speeds_mm_s.mean(axis=0), error, strict=True))
+        rank = " and ".join(f"{it:.2f}" for it in ranks.mean(axis=0))
+        how = "corrected" if corrects else "not corrected"
+        print(f"{twin} {scatter}, {how}, {len(of)} runs: after 20 and 40 trials {told} mm/s; rank correlation {rank}",
+              flush=True)  # fmt: skip
 
 
 def summarise_floor(rows: list[dict[str, Any]], truth: dict[tuple[str, float], float]) -> None:
@@ -229,6 +249,7 @@ def main() -> None:
     parser.add_argument("part", choices=["floor", "strength", "standing", "laboratory", "learning"])
     parser.add_argument("--seeds", type=int, nargs=2, default=[1000, 1010], metavar=("FIRST", "END"))
     parser.add_argument("--twin", default="planar", help="of the part learning")
+    parser.add_argument("--scatters", nargs="+", default=["careful", "hurried"], help="of the part learning")
     parser.add_argument("--bodies", nargs="+", default=["prism3", "icosahedron6"])
     parser.add_argument("--inclines", nargs="+", type=float, default=[0.0, 0.02, 0.05])
     parser.add_argument("--csv", type=Path, help="a laboratory's repeats, for the part laboratory")
@@ -269,9 +290,10 @@ def main() -> None:
             )
     elif arguments.part == "learning":
         for seed in seeds:
-            for scatter in ("careful", "hurried"):
-                keep(run_learning(arguments.twin, scatter, seed))
-            summarise_learning(rows)
+            for scatter in arguments.scatters:
+                for corrects in (True, False):
+                    keep(run_learning(arguments.twin, scatter, seed, corrects))
+        summarise_learning(rows)
     elif arguments.part == "standing":
         for cv in (0.1, 0.2, 0.3, 0.4):
             of = [run_standing(cv, seed) for seed in seeds]

@@ -9,14 +9,15 @@ from statistics import fmean
 from typing import TYPE_CHECKING
 
 from vvvaltr.controller.core.errors import NothingToRecommend
-from vvvaltr.controller.core.protocols import AskTell, Fitting, Optimizer
-from vvvaltr.controller.core.records import Fit, LoggedTrial, Told
+from vvvaltr.controller.core.protocols import AskTell, Fitting, Listening, Optimizer
+from vvvaltr.controller.core.records import Evidence, Fit, LoggedTrial, Told
 from vvvaltr.controller.core.values import Estimate, Gait, Recommendation, Suggestion
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.arrays import Array
 
 
+_SAME = 1e-6  # in m/s, and as a share: a score is a displacement's to rounding
 _GRID = 64  # intraclass correlations between 0 and 1
 
 
@@ -28,11 +29,45 @@ def complete(optimizer: AskTell) -> Optimizer:
 def tell_history(optimizer: AskTell, trials: Sequence[LoggedTrial], already: int = 0) -> None:
     """Tell an optimiser the valid trials of a log, at once if it can; the first ``already`` trials were told before."""
     if isinstance(optimizer, Fitting):
-        optimizer.recall([Told(each.trial.gait, each.score, each.fit) for each in trials if each.score is not None])
+        optimizer.recall([told for each in trials if (told := make_told(each)) is not None])
         return
     for each in trials[already:]:
-        if each.score is not None:
-            optimizer.tell(each.trial.gait, each.score)
+        tell_trial(optimizer, each)
+
+
+def tell_trial(optimizer: AskTell, logged: LoggedTrial) -> None:
+    """Tell an optimiser a valid trial of a log, with all that it shows where the optimiser listens."""
+    told = make_told(logged)
+    if told is None:
+        return
+    if isinstance(optimizer, Listening):
+        optimizer.tell_trial(told)
+    else:
+        optimizer.tell(told.gait, told.score)
+
+
+def make_told(logged: LoggedTrial) -> Told | None:
+    """Return what an optimiser is told of a trial: its score, and what made it; None for a failed one."""
+    if logged.score is None:
+        return None
+    return Told(logged.trial.gait, logged.score, logged.fit, _find_evidence(logged, logged.score))
+
+
+def _find_evidence(logged: LoggedTrial, score: float) -> Evidence:
+    """Return what the trial shows beside its score. Which of the scores it has, its own movement tells."""
+    applied = logged.applied
+    applied_hz = applied.mean_hz if applied is not None and applied.measured else None
+    if logged.movement is None or logged.trial.duration_s <= 0.0:
+        return Evidence(applied_hz=applied_hz)
+    start, end = logged.movement.start, logged.movement.end
+    x_m_s, y_m_s = ((after - before) / logged.trial.duration_s
+                    for before, after in zip(start.position_m[:2], end.position_m[:2], strict=True))  # fmt: skip
+    ahead = (math.cos(start.yaw_rad), math.sin(start.yaw_rad))
+    if math.isclose(score, math.hypot(x_m_s, y_m_s), rel_tol=_SAME, abs_tol=_SAME):
+        return Evidence((x_m_s, y_m_s), None, logged.pieces, applied_hz)
+    if math.isclose(score, ahead[0] * x_m_s + ahead[1] * y_m_s, rel_tol=_SAME, abs_tol=_SAME):
+        return Evidence((x_m_s, y_m_s), ahead, logged.pieces, applied_hz)
+    return Evidence(pieces=logged.pieces, applied_hz=applied_hz)
 
 
 def last_fit(optimizer: AskTell) -> Fit | None:

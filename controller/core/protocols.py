@@ -186,6 +186,15 @@ class Fitting(Optimizer, Protocol):
         ...
 
 
+@runtime_checkable
+class Listening(AskTell, Protocol):
+    """An optimiser that learns from what a trial shows beside its score."""
+
+    def tell_trial(self, told: Told) -> None:
+        """Learn from one valid trial. Raises ValueError if the score is not finite."""
+        ...
+
+
 class Observer(Protocol):
     """Follows a run: a live view, a summary, a program that reads events.
 

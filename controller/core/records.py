@@ -85,6 +85,28 @@ class AppliedFrequencies:
         check_finite(**{f"motor_{motor}_hz": mean_hz for motor, mean_hz in enumerate(self.mean_hz, start=1)})
 
 
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A piece of a drive, about a second long: what it takes to tell the robot's own part from the floor's.
+
+    Args:
+        duration_s: of the piece.
+        moved_m: displacement along the world's x and y.
+        heading: means of the cosine and of the sine of the heading.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+
+    duration_s: float
+    moved_m: tuple[float, float]
+    heading: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        check_finite(duration_s=self.duration_s, x_m=self.moved_m[0], y_m=self.moved_m[1])
+        check_finite(cos_yaw=self.heading[0], sin_yaw=self.heading[1])
+
+
 class Verdict(StrEnum):
     """What the operator decides about a trial."""
 
@@ -134,11 +156,37 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """What an optimiser was told of one trial, and the fit that it made after it, where that is known."""
+    """What an optimiser was told of one trial.
+
+    Args:
+        gait: the gait that was asked for.
+        score: of the trial alone, not corrected for anything.
+        fit: the fit that the optimiser made after it; None where that is not known.
+        evidence: what else the trial shows; None where the optimiser is to take the score as it is.
+    """
 
     gait: Gait
     score: float
     fit: Fit | None = None
+    evidence: Evidence | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What a trial shows beside its score, from which a model tells the causes of scatter.
+
+    Args:
+        velocity_m_s: displacement over the time driven, along the world's x and y; None where the score is none of it.
+        ahead: cosine and sine of the heading along which the score is measured; None where it is the length of
+            ``velocity_m_s``.
+        pieces: the drive in pieces; empty where the poses do not tell.
+        applied_hz: what sensors say that the motors turned at, as means over the drive; None where nothing measured it.
+    """
+
+    velocity_m_s: tuple[float, float] | None = None
+    ahead: tuple[float, float] | None = None
+    pieces: tuple[Piece, ...] = ()
+    applied_hz: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +230,7 @@ class LoggedTrial:
         review: what the operator and the checks of plausibility say.
         fit: the surrogate after the trial; None where the optimiser does not tell.
         steering: goal and prediction, for a drive of steering.
+        pieces: the drive in pieces of about a second; empty where the poses do not tell.
 
     Raises:
         ValueError: the score is a speed that no robot has.
@@ -196,6 +245,7 @@ class LoggedTrial:
     review: Review = field(default_factory=Review)
     fit: Fit | None = None
     steering: SteeringStep | None = None
+    pieces: tuple[Piece, ...] = ()
 
     def __post_init__(self) -> None:
         if self.score is not None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from vvvaltr.controller.core.records import LoggedTrial, Review
 from vvvaltr.controller.core.values import Gait, Outcome, Phase, Trial
-from vvvaltr.transfer.causes.floor import Drift, cut, learn_drift
+from vvvaltr.transfer.causes.floor import Drift, learn_drift, weigh
 from vvvaltr.transfer.causes.standing import describe_standing, is_far_below
 from vvvaltr.transfer.causes.strength import Loss, find_loss
 
@@ -84,12 +84,9 @@ def have_turned(trials: Sequence[Trial]) -> bool:
 
 def find_drift_in(history: Sequence[LoggedTrial]) -> Drift | None:
     """Return the floor's drift from a run's valid trials; None where their poses do not tell it."""
-    valid = [logged.trial for logged in history if logged.trial.outcome.is_valid]
-    if not have_turned(valid):
-        return None
-    cuts = [(trial.gait, cut(trial.poses, trial.gait.frequency_hz)) for trial in valid]
-    known = [(gait, pieces) for gait, pieces in cuts if pieces is not None]
-    return learn_drift([gait for gait, _ in known], [pieces for _, pieces in known])
+    known = [logged for logged in history if logged.pieces]
+    gaits = [logged.trial.gait for logged in known]
+    return learn_drift(gaits, [logged.pieces for logged in known], [weigh(gait.frequency_hz) for gait in gaits])
 
 
 def since_reference(history: Sequence[LoggedTrial]) -> int:

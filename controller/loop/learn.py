@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 
-from vvvaltr.controller.core.ask_tell import complete, last_fit, tell_history
+from vvvaltr.controller.core.ask_tell import complete, last_fit, tell_history, tell_trial
 from vvvaltr.controller.core.errors import NothingToRecommend, UserError
 from vvvaltr.controller.core.protocols import AskTell, Observer, Optimizer, Robot
 from vvvaltr.controller.core.records import EventKind, LoggedTrial
@@ -173,10 +173,11 @@ class _Plan:
         if not trial.outcome.is_valid:
             return self._keep(complete_record(suggestion, trial))
         speed_m_s = score(trial, self._budget.score_name)
-        self._optimizer.tell(trial.gait, speed_m_s)
+        review = review_speed(trial.gait, speed_m_s, self.trials)
+        logged = replace(complete_record(suggestion, trial, speed_m_s), review=review)
+        tell_trial(self._optimizer, logged)
         self._count(suggestion, speed_m_s)
-        logged = complete_record(suggestion, trial, speed_m_s, self._recommend(), last_fit(self._optimizer))
-        return self._keep(replace(logged, review=review_speed(trial.gait, speed_m_s, self.trials)))
+        return self._keep(replace(logged, recommendation=self._recommend(), fit=last_fit(self._optimizer)))
 
     def _keep(self, logged: LoggedTrial) -> LoggedTrial:
         self.trials.append(logged.without_recordings())  # which are in the log: a long run must not fill the memory

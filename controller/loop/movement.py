@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from vvvaltr.controller.core.records import AppliedFrequencies, Displacement, Fit, LoggedTrial, Movement
+from vvvaltr.controller.core.records import AppliedFrequencies, Displacement, Fit, LoggedTrial, Movement, Piece
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Pose, Recommendation, Suggestion, Trial
+from vvvaltr.transfer.causes.floor import cut
 
 
 def complete_record(
@@ -19,7 +20,8 @@ def complete_record(
 ) -> LoggedTrial:
     """Return a trial for the log, with what its poses and states tell."""
     movement, applied = measure_movement(trial), measure_applied(trial)
-    return LoggedTrial(suggestion, trial, score_m_s, recommendation, movement, applied, fit=fit)
+    pieces = measure_pieces(trial)
+    return LoggedTrial(suggestion, trial, score_m_s, recommendation, movement, applied, fit=fit, pieces=pieces)
 
 
 def measure_movement(trial: Trial) -> Movement | None:
@@ -47,6 +49,11 @@ def resting_ends(trial: Trial) -> tuple[RestingPose, RestingPose] | None:
     if end is None and len(poses) > 1 and poses[-1].is_finite:
         end = _rest(poses[-1])
     return None if start is None or end is None else (start, end)
+
+
+def measure_pieces(trial: Trial) -> tuple[Piece, ...]:
+    """Return the drive in pieces of about a second; none where the trial failed, or its poses do not make two."""
+    return cut(trial.poses) if trial.outcome.is_valid else ()
 
 
 def measure_applied(trial: Trial) -> AppliedFrequencies | None:

@@ -13,7 +13,7 @@ from google.protobuf.message import DecodeError, Message
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import Command, MotorState, Pose, Suggestion
-from vvvaltr.controller.loop.movement import measure_applied, measure_movement
+from vvvaltr.controller.loop.movement import measure_applied, measure_movement, measure_pieces
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 from vvvaltr.controller.runs.schema.limits import check_message, check_record, check_size
@@ -119,7 +119,7 @@ class Contents:
         began_ns = nanoseconds(logged.trial.started_unix_s)
         photos = tuple(codec.decode_photo(picture, began_ns) for picture in self.pictures)
         logged = replace(logged, trial=replace(logged.trial, photos=photos))
-        logged = _with_movement(logged) if self.format == 1 else logged
+        logged = _with_movement(logged) if self.format == 1 else _with_pieces(logged)
         self.trials.append(logged)
         self.suggestion, self.poses, self.commands, self.states, self.pictures = None, [], [], [], []
 
@@ -154,7 +154,13 @@ def _recorded(message: _Record) -> _Record:
 
 def _with_movement(logged: LoggedTrial) -> LoggedTrial:
     """Return a trial of a log of format 1 with what its poses and states tell, which later formats keep beside them."""
-    return replace(logged, movement=measure_movement(logged.trial), applied=measure_applied(logged.trial))
+    moved = replace(logged, movement=measure_movement(logged.trial), applied=measure_applied(logged.trial))
+    return _with_pieces(moved)
+
+
+def _with_pieces(logged: LoggedTrial) -> LoggedTrial:
+    """Return a trial with the pieces that its poses make, which early logs do not keep beside them."""
+    return logged if logged.pieces else replace(logged, pieces=measure_pieces(logged.trial))
 
 
 def nanoseconds(seconds: float) -> int:

@@ -59,6 +59,15 @@ class Conditioned(Fitted):
     process: GaussianProcess
     others: tuple[GaussianProcess, ...] = ()
 
+    def then(self, trials: Trials) -> Trials:
+        """Return the rows of the fit and the trials since, with the scores that these trials, all of the run, have now.
+
+        The scores of rows that were thinned stay those of the fit.
+        """
+        fitted = self.rows.part(slice(len(self.rows) - (self.told - self.trials)))
+        is_whole = len(fitted) == self.trials
+        return trials if is_whole else fitted.then(trials.part(slice(self.trials, None)))
+
 
 Observe = Callable[[Trials], Observations]
 """Returns trials as observations to condition on."""
@@ -70,14 +79,16 @@ Find = Callable[[Observations, Fitted | None], GaussianProcess]
 def follow(trials: Trials, last: Fitted | None, observe: Observe, find: Find) -> Conditioned:
     """Return what trials say: under the last hyperparameters, or where there is reason, under newly fitted ones.
 
-    It depends on the trials and the last fit alone, not on how often it was called since. So an optimiser that is told
+    Trials whose places or noise are others than at the last fit are a reason. It depends on the trials and the last fit
+    alone, not on how often it was called since. So an optimiser that is told
     a log at once, with the last fit, continues with the same bits.
     """
     if isinstance(last, Conditioned) and len(trials) > EVERY_TRIAL:
-        rows = last.rows.then(trials.part(slice(last.told, None)))
-        longer = replace(last, rows=rows, told=len(trials), process=last.process.extend(observe(rows)))
-        if not needs_fit(longer):
-            return longer
+        rows = last.then(trials)
+        if rows.begin_with(last.rows):
+            longer = replace(last, rows=rows, told=len(trials), process=last.process.extend(observe(rows)))
+            if not needs_fit(longer):
+                return longer
     rows = thin(trials, MOST_OBSERVATIONS)
     process = find(observe(rows), last)
     learned = {} if last is None else last.learned

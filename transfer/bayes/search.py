@@ -7,20 +7,21 @@ so an optimiser that is told the trials of a log continues exactly like the one 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import Fit, Told
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Recommendation, Suggestion
+from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Quantity, Recommendation, Suggestion
 from vvvaltr.transfer.bayes.acquisition import SCAN_PLACES, PosteriorMean, maximise
 from vvvaltr.transfer.bayes.belief import Belief, describe_fit, read_fit
 from vvvaltr.transfer.bayes.proposal import Proposal, Propose
 from vvvaltr.transfer.bayes.refitting import Fitted
 from vvvaltr.transfer.bayes.spread import spread_out
 from vvvaltr.transfer.bayes.trials import Trials
+from vvvaltr.transfer.causes.correction import Corrector
 
 FITTING = "hyperparameters"
 """Purpose of the random stream that ``Learn`` is given."""
@@ -43,13 +44,23 @@ class Search:
         learn: way to learn.
         propose: way to propose.
         belief: what is believed before the first trial; None for nothing.
+        corrects: whether the scores of trials that come with evidence are corrected for the causes of their scatter.
     """
 
     def __init__(
-        self, space: GaitSpace, seed: int, learn: Learn, propose: Propose, belief: Belief | None = None
+        self,
+        space: GaitSpace,
+        seed: int,
+        learn: Learn,
+        propose: Propose,
+        belief: Belief | None = None,
+        corrects: bool = True,
     ) -> None:
         self._space, self._seed, self._learn, self._propose = space, seed, learn, propose
         self._trials, self._belief, self._at_first = Trials.none(space), belief, belief
+        self._history: list[Told] = []
+        self._corrector = Corrector(_span_hz(space)) if corrects else None
+        self._found: Mapping[str, float] = {}  # of the causes of scatter, by name
         self._proposal: Proposal | None = None  # made once between two trials, since it costs most
 
     def ask(self) -> Suggestion:
@@ -59,7 +70,7 @@ class Search:
         if self._belief is None:
             return Suggestion(gait, proposal.origin)
         expected = self._belief.estimates(proposal.x[None, :])[0]
-        return Suggestion(gait, proposal.origin, expected, self._belief.hyperparameters)
+        return Suggestion(gait, proposal.origin, expected, {**self._belief.hyperparameters, **self._found})
 
     def tell(self, gait: Gait, score: float) -> None:
         """Learn from one valid trial. The gait need not be the one suggested, nor within the bounds.
@@ -71,9 +82,21 @@ class Search:
         Raises:
             ValueError: the score is not finite, or the gait has another number of motors than the space.
         """
-        self._trials = self._trials.then(self._checked([gait], [score]))
-        last = self._belief.fitted if self._belief else None
-        self._belief, self._proposal = self._learn(self._trials, last, self._stream(FITTING)), None
+        self.tell_trial(Told(gait, score))
+
+    def tell_trial(self, told: Told) -> None:
+        """Learn from one valid trial and from what it shows beside its score.
+
+        Where it comes with evidence, what has been told so far is corrected for the causes of scatter that all trials
+        together tell: estimates are then of a level floor, and of the strength that the robot has today.
+
+        Raises:
+            ValueError: as of ``tell``.
+        """
+        trials = self._see([*self._history, told])
+        self._history.append(told)
+        self._trials, last = trials, self._belief.fitted if self._belief else None
+        self._belief, self._proposal = self._learn(trials, last, self._stream(FITTING)), None
 
     def fit(self) -> Fit | None:
         """Return the fit of the hyperparameters after the last trial; None before the first and where there is none."""
@@ -93,32 +116,38 @@ class Search:
             ValueError: as of ``tell``.
         """
         self._trials, self._belief, self._proposal = Trials.none(self._space), self._at_first, None
+        self._history = []
         logged = max((i for i, told in enumerate(history, start=1) if told.fit), default=0)
         known = self._restore(history[:logged]) if logged else 0
         for told in history[known:]:
-            self.tell(told.gait, told.score)
+            self.tell_trial(told)
 
     def _restore(self, history: Sequence[Told]) -> int:
         """Learn from a history that ends with a fit; return how many trials of it were learned from: all, or none."""
-        told = self._checked([told.gait for told in history], [told.score for told in history])
+        told = self._see(history)
         newest = max((i for i, each in enumerate(history, start=1) if each.fit and each.fit.is_new), default=0)
         fit = history[newest - 1].fit if newest else None
         try:
             last = read_fit(self._space, fit.hyperparameters if fit else {}, newest)
-            belief = self._learn(told.part(slice(newest)), last, self._stream(FITTING, newest))
+            belief = self._learn(self._see(history[:newest]), last, self._stream(FITTING, newest))
             if newest < len(told):
                 belief = self._learn(told, belief.fitted, self._stream(FITTING, len(told)))
         except (ValueError, KeyError, np.linalg.LinAlgError):  # another method's, or spoilt: it is fitted again
             return 0
-        self._trials, self._belief = told, belief
+        self._trials, self._belief, self._history = self._see(history), belief, list(history)
         return len(told)
 
-    def _checked(self, gaits: Sequence[Gait], scores: Sequence[float]) -> Trials:
-        """Return trials of these gaits. Raises ValueError as ``tell`` does."""
-        for gait, score in zip(gaits, scores, strict=True):
-            if not math.isfinite(score):
-                raise ValueError(f"score {score} of gait {gait} is not finite: tell only valid trials")
-        return Trials(places(self._space, gaits), np.array(scores, dtype=float))
+    def _see(self, history: Sequence[Told]) -> Trials:
+        """Return trials as the model is to see them. Raises ValueError as ``tell`` does."""
+        for told in history:
+            if not math.isfinite(told.score):
+                raise ValueError(f"score {told.score} of gait {told.gait} is not finite: tell only valid trials")
+        x = places(self._space, [told.gait for told in history])
+        if self._corrector is None or not any(told.evidence for told in history):
+            return Trials(x, np.array([told.score for told in history], dtype=float))
+        corrected = self._corrector.correct(history)
+        self._found = corrected.names
+        return Trials(places(self._space, corrected.gaits), corrected.scores, corrected.shares)
 
     def recommend(self) -> Recommendation:
         """Return the gait with the greatest posterior mean, and the 95 % interval of its true mean score.
@@ -174,6 +203,12 @@ class Search:
 
     def _stream(self, purpose: str, trials: int | None = None) -> np.random.Generator:
         return stream(self._seed, len(self._trials) if trials is None else trials, purpose)
+
+
+def _span_hz(space: GaitSpace) -> float:
+    """Return the width of the widest range of frequencies; 1 where none is searched."""
+    of = [it.high - it.low for it in space.parameters if it.quantity is Quantity.FREQUENCY]
+    return max(of, default=1.0)
 
 
 def places(space: GaitSpace, gaits: Sequence[Gait]) -> Array:

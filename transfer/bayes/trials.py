@@ -45,6 +45,11 @@ class Trials:
         share = 1.0 if self.share is later.share == 1.0 else np.append(self.shares, later.shares)
         return Trials(np.vstack([self.x, later.x]), np.append(self.scores, later.scores), share)
 
+    def begin_with(self, first: Trials) -> bool:
+        """Whether ``first`` are the first of these trials, whatever their scores."""
+        count = len(first)
+        return np.array_equal(self.x[:count], first.x) and np.array_equal(self.shares[:count], first.shares)
+
     def part(self, which: slice | Sequence[int] | np.ndarray) -> Trials:
         """Return some of the trials."""
         return Trials(self.x[which], self.scores[which], self.shares[which])

@@ -7,21 +7,25 @@ cut into pieces; piece k of trial i moved the robot by
 
 with the duration T, the mean rotation R_k of the piece, the velocity g that all trials of the gait share in the robot's
 frame, its deviation u_i in this trial, the drift s, its deviation e_i (gaits feel a floor differently), and the trial's
-weight w_i, the sum of its squared frequencies over the mean of all trials. All of it is Gaussian, so g, u and e are
-integrated out exactly. The sizes of drift, deviations and noise are averaged over a grid by their evidence; the size 0
-of the drift is one of them, so that nothing is found on a level floor.
+weight w_i, the sum of its squared frequencies over the usual one. All of it is Gaussian, so g, u and e are integrated
+out exactly. The sizes of drift, deviations and noise are averaged over a grid by their evidence; the size 0 of the
+drift is one of them, so that nothing is found on a level floor.
+
+What a trial adds to a hypothesis depends on that trial and on the usual speed and weight alone, which are powers of 2.
+So it is computed once, and a new trial costs little.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.records import Piece
 from vvvaltr.controller.core.values import Pose
 
 PIECE_S = 1.0
@@ -37,41 +41,31 @@ _CHANGES = (0.1, 0.3)  # of a gait from trial to trial, over the trial's own spe
 _DIFFERS = 0.35  # standard deviation of e over the size of the drift
 _LEAST_M = 0.0005  # noise of a piece that hardly moves
 _SURE = 0.95  # probability of a drift at which it is told
+_LEAST_TURN_RAD = 0.1  # of the headings, else nothing tells the floor
 _WIDE = 3.0  # standard deviation of g, over the usual speed
 
-
-@dataclass(frozen=True, slots=True)
-class Pieces:
-    """One trial, cut into pieces.
-
-    Args:
-        moved_m: displacement of each along the world's x and y, (k, 2).
-        rotation: mean rotation from the robot's frame to the world's during each, (k, 2, 2).
-        duration_s: of each, (k,).
-        weight: sum of the squared frequencies of the motors, in Hz^2.
-    """
-
-    moved_m: Array
-    rotation: Array
-    duration_s: Array
-    weight: float
+_GRID = np.array(list(product(_SIZES, _NOISES, _CHANGES)))  # (hypotheses, 3)
+_LOG_PRIOR = np.log(np.repeat(_PRIOR, len(_NOISES) * len(_CHANGES)))
+_IS_INCLINED = _GRID[:, 0] > 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """The floor's drift at the mean sum of squared frequencies.
+    """The floor's drift at a usual sum of squared frequencies.
 
     Args:
         velocity_m_s: posterior mean along x and y, (2,).
         covariance: of it, in m^2/s^2, (2, 2).
         is_inclined: probability that there is any drift.
         mean_weight: the sum of squared frequencies in Hz^2 at which the drift is as given; it grows in proportion.
+        of_trials_m_s: what the floor added to the velocity of each trial, the posterior mean, (trials, 2).
     """
 
     velocity_m_s: Array
     covariance: Array
     is_inclined: float
     mean_weight: float
+    of_trials_m_s: Array
 
     @property
     def speed_m_s(self) -> float:
@@ -98,143 +92,174 @@ class Drift:
         return np.asarray(self.velocity_m_s * weight / self.mean_weight * duration_s)
 
 
-def cut(poses: Sequence[Pose], frequency_hz: Sequence[float], piece_s: float = PIECE_S) -> Pieces | None:
-    """Cut a drive into pieces of about ``piece_s``; None where the poses do not make two."""
+def cut(poses: Sequence[Pose], piece_s: float = PIECE_S) -> tuple[Piece, ...]:
+    """Cut a drive into pieces of about ``piece_s``; none where the poses do not make two."""
     times_s = np.array([pose.t_s for pose in poses])
     first = int(np.searchsorted(times_s, SKIPPED_S - 1e-6))
     if len(times_s) - first < 3 or not all(pose.is_finite for pose in poses):
-        return None
+        return ()
     count = int((times_s[-1] - times_s[first]) / piece_s + 0.5)
     if count < 2:
-        return None
+        return ()
     borders = np.searchsorted(times_s, np.linspace(times_s[first], times_s[-1], count + 1) - 1e-6)
     if not (np.diff(borders) > 0).all():
-        return None
-    places_m = np.array([pose.position_m[:2] for pose in poses])
+        return ()
     yaw_rad = np.array([pose.yaw_rad for pose in poses])
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    turned = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
-    rotation = np.array([turned[a : b + 1].mean(axis=0) for a, b in pairwise(borders)])
-    return Pieces(np.diff(places_m[borders], axis=0), rotation, np.diff(times_s[borders]), _square(frequency_hz))
-
-
-def learn_drift(gaits: Sequence[Hashable], trials: Sequence[Pieces]) -> Drift | None:
-    """Return the floor's drift, from the trials of one run; None where there is none that moved.
-
-    Args:
-        gaits: what each trial drove; equal ones share their velocity in the robot's frame.
-        trials: their pieces.
-    """
-    stack = _stack(gaits, trials)
-    if stack is None:
-        return None
+    heading = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=1)
     found = []
-    for (size, prior), noise, change in product(zip(_SIZES, _PRIOR, strict=True), _NOISES, _CHANGES):
-        log_evidence, mean, covariance = _condition(stack, size * stack.usual_m_s, noise, change)
-        found.append((math.log(prior) + log_evidence, size > 0.0, mean, covariance))
-    logs = np.array([each[0] for each in found])
-    share = np.exp(logs - logs.max())
-    share /= share.sum()
-    means, covariances = np.array([each[2] for each in found]), np.array([each[3] for each in found])
-    mean = share @ means
-    off = means - mean
-    covariance = np.einsum("h,hij->ij", share, covariances + off[:, :, None] * off[:, None, :])
-    inclined = float(share[[each[1] for each in found]].sum())
-    return Drift(mean, covariance, inclined, stack.mean_weight)
+    for begin, end in pairwise(borders.tolist()):
+        cos, sin = heading[begin : end + 1].mean(axis=0).tolist()
+        (x, y, _), (x_end, y_end, _) = poses[begin].position_m, poses[end].position_m
+        found.append(Piece(float(times_s[end] - times_s[begin]), (x_end - x, y_end - y), (cos, sin)))
+    return tuple(found)
 
 
-def _square(frequency_hz: Sequence[float]) -> float:
+def weigh(frequency_hz: Sequence[float]) -> float:
+    """Return the sum of the squared frequencies, in Hz^2: the drift of a gait grows with it."""
     return math.fsum(hz * hz for hz in frequency_hz)
 
 
 @dataclass(frozen=True, slots=True)
-class _Stack:
-    """All trials, padded to n pieces: rows beyond a trial's own are 0 and have ``is_real`` 0.
+class _Added:
+    """What a trial adds to each hypothesis: precision and pull of own velocity and drift, and minus twice the log."""
 
-    Args:
-        design: of own velocity and drift, (trials, 2 n, 4).
-        moved_m: (trials, 2 n).
-        duration_s: (trials, 2 n).
-        is_real: (trials, 2 n).
-        speed_m_s: of each trial, as the root of the pieces' mean square, (trials,).
-        usual_m_s: the same of all trials.
-        group: number of each trial's gait, (trials,).
-        mean_weight: in Hz^2.
-    """
-
-    design: Array
-    moved_m: Array
-    duration_s: Array
-    is_real: Array
-    speed_m_s: Array
-    usual_m_s: float
-    group: np.ndarray[tuple[int, ...], np.dtype[np.int_]]
-    mean_weight: float
+    precision: Array  # (hypotheses, 4, 4)
+    pull: Array  # (hypotheses, 4)
+    value: Array  # (hypotheses,)
 
 
-def _stack(gaits: Sequence[Hashable], trials: Sequence[Pieces]) -> _Stack | None:
-    if not trials:
-        return None
-    most = max(len(trial.duration_s) for trial in trials)
-    mean_weight = max(float(np.mean([trial.weight for trial in trials])), 1e-12)
-    design, moved_m = np.zeros((len(trials), most, 2, 4)), np.zeros((len(trials), most, 2))
-    duration_s, is_real = np.zeros((len(trials), most, 2)), np.zeros((len(trials), most, 2))
-    for index, trial in enumerate(trials):
-        rows = slice(len(trial.duration_s))
-        design[index, rows, :, :2] = trial.duration_s[:, None, None] * trial.rotation
-        along = trial.duration_s * trial.weight / mean_weight
-        design[index, rows, :, 2:] = along[:, None, None] * np.eye(2)
-        moved_m[index, rows], duration_s[index, rows], is_real[index, rows] = (
-            trial.moved_m,
-            trial.duration_s[:, None],
-            1,
+class DriftLearner:
+    """Learns the floor's drift from the trials of a run. It keeps what it computed; the results do not depend on it."""
+
+    def __init__(self) -> None:
+        self._added: dict[tuple[Hashable, ...], _Added] = {}
+
+    def learn(
+        self, gaits: Sequence[Hashable], trials: Sequence[Sequence[Piece]], weights: Sequence[float]
+    ) -> Drift | None:
+        """Return the drift; None where no trial moved, or the robot always had one heading: then nothing tells it.
+
+        Args:
+            gaits: what each trial drove; equal ones share their velocity in the robot's frame.
+            trials: the pieces of each, at least two.
+            weights: of each the sum of the squared frequencies, in Hz^2.
+        """
+        if not _have_turned(trials):
+            return None
+        usual_m_s = _power_of_2(math.sqrt(float(np.mean([_speed_m_s(pieces) ** 2 for pieces in trials]))))
+        usual_weight = _power_of_2(float(np.mean(weights)))
+        if usual_m_s == 0.0 or usual_weight == 0.0:
+            return None
+        shares = [weight / usual_weight for weight in weights]
+        added = [self._add(tuple(it), share, usual_m_s) for it, share in zip(trials, shares, strict=True)]
+        numbers = {gait: number for number, gait in enumerate(dict.fromkeys(gaits))}
+        group = np.array([numbers[gait] for gait in gaits])
+        drift = _conclude(added, group, np.array(shares), usual_m_s)
+        scale = float(np.mean(shares))
+        return replace(
+            drift,
+            velocity_m_s=scale * drift.velocity_m_s,
+            covariance=scale**2 * drift.covariance,
+            mean_weight=scale * usual_weight,
         )
-    speed_m_s = np.sqrt((moved_m**2).sum(axis=(1, 2)) / np.maximum((duration_s**2).sum(axis=(1, 2)) / 2.0, 1e-12))
-    usual_m_s = float(np.sqrt((speed_m_s**2).mean()))
-    if usual_m_s <= 0.0:
-        return None
-    numbers = {gait: number for number, gait in enumerate(dict.fromkeys(gaits))}
-    flat = (len(trials), 2 * most)
-    return _Stack(
-        design.reshape(*flat, 4),
-        moved_m.reshape(flat),
-        duration_s.reshape(flat),
-        is_real.reshape(flat),
-        speed_m_s,
-        usual_m_s,
-        np.array([numbers[gait] for gait in gaits]),
-        mean_weight,
-    )
+
+    def _add(self, pieces: tuple[Piece, ...], share: float, usual_m_s: float) -> _Added:
+        key = (pieces, share, usual_m_s)
+        if key not in self._added:
+            self._added[key] = _add(pieces, share, usual_m_s)
+        return self._added[key]
 
 
-def _condition(stack: _Stack, size_m_s: float, noise: float, change: float) -> tuple[float, Array, Array]:
-    """Return log evidence, mean and covariance of the drift, for a size of it and shares of noise and change."""
-    x, y = stack.design, stack.moved_m
-    noise_m = _LEAST_M + noise * stack.speed_m_s[:, None] * stack.duration_s
-    own_change, floor_change = (change * stack.speed_m_s) ** 2, np.full(len(y), (_DIFFERS * size_m_s) ** 2)
-    spread = np.stack([own_change, own_change, floor_change, floor_change], axis=1)
-    covariance = (x * spread[:, None, :]) @ x.transpose(0, 2, 1)
-    diagonal = np.where(stack.is_real > 0.0, noise_m**2, 1.0)
-    index = np.arange(y.shape[1])
-    covariance[:, index, index] += diagonal
-    solved = np.linalg.solve(covariance, np.concatenate([x, y[:, :, None]], axis=2))
-    _, log_size = np.linalg.slogdet(covariance)
-    own = x.transpose(0, 2, 1) @ solved
-    precision, pull = own[:, :, :4], own[:, :, 4]
-    value = float((log_size + (y * solved[:, :, 4]).sum(axis=1)).sum())
-    gaits = int(stack.group.max()) + 1
-    by_gait, pulled = np.zeros((gaits, 4, 4)), np.zeros((gaits, 4))
-    np.add.at(by_gait, stack.group, precision)
-    np.add.at(pulled, stack.group, pull)
-    wide = (_WIDE * stack.usual_m_s) ** 2
-    known = by_gait[:, :2, :2] + np.eye(2) / wide
-    cross = np.linalg.solve(known, np.concatenate([by_gait[:, :2, 2:], pulled[:, :2, None]], axis=2))
-    value += float((np.linalg.slogdet(wide * known)[1] - (pulled[:, :2] * cross[:, :, 2]).sum(axis=1)).sum())
-    if size_m_s == 0.0:
-        return -0.5 * value, np.zeros(2), np.zeros((2, 2))
-    information = (by_gait[:, 2:, 2:] - by_gait[:, 2:, :2] @ cross[:, :, :2]).sum(axis=0) + np.eye(2) / size_m_s**2
-    pulled_s = (pulled[:, 2:] - (by_gait[:, 2:, :2] @ cross[:, :, 2:])[:, :, 0]).sum(axis=0)
-    found = np.linalg.inv(information)
-    mean = found @ pulled_s
-    value += float(np.linalg.slogdet(size_m_s**2 * information)[1] - pulled_s @ mean)
-    return -0.5 * value, np.asarray(mean), found
+def learn_drift(gaits: Sequence[Hashable], trials: Sequence[Sequence[Piece]], weights: Sequence[float]) -> Drift | None:
+    """Return the floor's drift, from the trials of one run; see ``DriftLearner.learn``."""
+    return DriftLearner().learn(gaits, trials, weights)
+
+
+def _solve_2(matrix: Array, right: Array) -> tuple[Array, Array]:
+    """Return the solutions (..., 2, k) of systems of two equations (..., 2, 2), and the determinants (...)."""
+    a, b, c, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 0], matrix[..., 1, 1]
+    determinant = a * d - b * c
+    first, second = right[..., 0, :], right[..., 1, :]
+    over = 1.0 / determinant
+    top = (d * over)[..., None] * first - (b * over)[..., None] * second
+    return np.stack([top, (a * over)[..., None] * second - (c * over)[..., None] * first], axis=-2), determinant
+
+
+def _power_of_2(number: float) -> float:
+    """Return the power of 2 next to a number above 0; else 0."""
+    return 2.0 ** round(math.log2(number)) if number > 0.0 else 0.0
+
+
+def _have_turned(trials: Sequence[Sequence[Piece]]) -> bool:
+    """Return whether there are different headings; trackers without one, and robots in a plane, have one alone."""
+    headings = {piece.heading for pieces in trials for piece in pieces}
+    first = next(iter(headings), (1.0, 0.0))
+    away = (math.atan2(s * first[0] - c * first[1], c * first[0] + s * first[1]) for c, s in headings)
+    return any(abs(angle_rad) > _LEAST_TURN_RAD for angle_rad in away)
+
+
+def _speed_m_s(pieces: Sequence[Piece]) -> float:
+    """Return the speed of a trial: the root of the pieces' mean square."""
+    moved = math.fsum(x * x + y * y for x, y in (piece.moved_m for piece in pieces))
+    return math.sqrt(moved / max(math.fsum(piece.duration_s**2 for piece in pieces), 1e-12))
+
+
+def _add(pieces: tuple[Piece, ...], share: float, usual_m_s: float) -> _Added:
+    """Return what a trial adds to each hypothesis, its own deviations u and e integrated out."""
+    duration_s = np.array([piece.duration_s for piece in pieces])
+    cos, sin = np.array([piece.heading for piece in pieces]).T
+    design = np.zeros((len(pieces), 2, 4))
+    design[:, :, :2] = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
+    design[:, :, 2:] = share * np.eye(2)
+    x = (duration_s[:, None, None] * design).reshape(-1, 4)
+    y = np.array([piece.moved_m for piece in pieces]).ravel()
+    speed_m_s, (sizes, noises, changes) = _speed_m_s(pieces), _GRID.T
+    own, floor = (changes * speed_m_s) ** 2, (_DIFFERS * sizes * usual_m_s) ** 2
+    spread = np.stack([own, own, floor, floor], axis=1)
+    covariance = (x * spread[:, None, :]) @ x.T
+    index = np.arange(len(y))
+    covariance[:, index, index] += (_LEAST_M + noises[:, None] * speed_m_s * np.repeat(duration_s, 2)) ** 2
+    right = np.broadcast_to(np.column_stack([x, y]), (len(covariance), len(y), 5))
+    solved = np.linalg.solve(covariance, right)
+    projected = x.T @ solved
+    value = np.linalg.slogdet(covariance)[1] + solved[:, :, 4] @ y
+    return _Added(projected[:, :, :4], projected[:, :, 4], value)
+
+
+def _conclude(
+    added: Sequence[_Added],
+    group: np.ndarray[tuple[int, ...], np.dtype[np.int_]],
+    shares: Array,
+    usual_m_s: float,
+) -> Drift:
+    """Return the drift at the usual weight from what all trials add, the gaits' own velocities integrated out."""
+    precision, pull = np.array([it.precision for it in added]), np.array([it.pull for it in added])
+    value = np.sum([it.value for it in added], axis=0)
+    gaits = int(group.max()) + 1
+    by_gait, pulled = np.zeros((gaits, *precision.shape[1:])), np.zeros((gaits, *pull.shape[1:]))
+    np.add.at(by_gait, group, precision)
+    np.add.at(pulled, group, pull)
+    wide = (_WIDE * usual_m_s) ** 2
+    known = by_gait[..., :2, :2] + np.eye(2) / wide
+    cross, determinant = _solve_2(known, np.concatenate([by_gait[..., :2, 2:], pulled[..., :2, None]], axis=-1))
+    size = np.log(wide**2 * determinant)
+    value = value + (size - (pulled[..., :2] * cross[..., 2]).sum(axis=-1)).sum(axis=0)
+    variance = np.maximum((_GRID[:, 0] * usual_m_s) ** 2, 1e-30)[:, None, None]
+    information = (by_gait[..., 2:, 2:] - by_gait[..., 2:, :2] @ cross[..., :2]).sum(axis=0) + np.eye(2) / variance
+    pulled_s = (pulled[..., 2:] - (by_gait[..., 2:, :2] @ cross[..., 2:])[..., 0]).sum(axis=0)
+    covariances = np.linalg.inv(information)
+    means = (covariances @ pulled_s[..., None])[..., 0]
+    value += np.where(_IS_INCLINED, np.linalg.slogdet(variance * information)[1] - (pulled_s * means).sum(axis=1), 0.0)
+    logs = _LOG_PRIOR - 0.5 * value
+    share = np.exp(logs - logs.max())
+    share = share / share.sum()
+    mean = share @ means
+    off = means - mean
+    covariance = np.einsum("h,hij->ij", share, covariances + off[:, :, None] * off[:, None, :])
+    # What is left of a trial's pull once own velocity and drift are taken off tells its deviation e.
+    own = cross[..., 2] - np.einsum("ghij,hj->ghi", cross[..., :2], means)
+    theta = np.concatenate([own, np.broadcast_to(means, own.shape)], axis=-1)[group]
+    left = pull[..., 2:] - np.einsum("nhij,nhj->nhi", precision[..., 2:, :], theta)
+    deviation = ((_DIFFERS * _GRID[:, 0] * usual_m_s) ** 2)[:, None] * left
+    of_trials = shares[:, None] * np.einsum("h,nhi->ni", share, means + deviation)
+    return Drift(mean, covariance, float(share[_IS_INCLINED].sum()), 1.0, of_trials)

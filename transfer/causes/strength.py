@@ -1,10 +1,10 @@
-"""Whether the robot has lost strength: a factor common to all gaits that falls from one trial to the next, for good.
+"""The robot's strength: a factor common to all gaits that changes slowly, or falls from one trial to the next for good.
 
 The logarithm of a trial's speed is a gait's own value, which is smooth over the gaits, plus a slow random walk, plus
 noise, plus a step at an unknown trial T. All of it is Gaussian, and the step is integrated out exactly for every T; the
-sizes of walk and noise are averaged over a grid by their evidence. Steps up compete with steps down but are not told: a
-search that finds better gaits looks like one. Trials far below what all others say of their gait are left out: a motor
-stood still.
+sizes of walk and noise are averaged over a grid by their evidence. Steps up compete with steps down but are neither
+told nor corrected for: a search that finds better gaits looks like one. Trials far below what all others say of their
+gait are left out: a motor stood still.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.causes.standing import find_standing
 
+STRETCH = 60
+"""Number of trials after which the strengths of those before a stretch are settled."""
+
 ALARM = 0.95
 """Probability of a loss at which it is told."""
 
@@ -26,6 +29,8 @@ _HAZARD = 0.015  # prior probability of a step down before a trial, and of one u
 _STEP, _STEP_SD = 0.7, 0.3  # of the logarithm: half, 0.33 to 0.75 with 80 %
 _LEAST_LOSS = 0.25  # of the logarithm: less is not worth an alarm
 _NOISES, _WALKS, _GAITS = (0.05, 0.1, 0.2, 0.4, 0.8), (0.0, 0.02, 0.05), (0.4, 1.0)
+_GRID = np.array(list(product(_NOISES, _WALKS, _GAITS)))  # (grid, 3)
+_MEAN_SD = 2.0  # of the logarithm, of all gaits together
 _LENGTH = 0.5  # over which gaits are alike, in the unit cube's sides
 _FAR_BELOW = -1.4  # of the logarithm against what the other trials predict: a quarter, where a step is a half
 _LEAST = 0.05  # of the median speed: below it, a logarithm says nothing
@@ -60,52 +65,128 @@ def find_loss(places: Array, speeds_m_s: Sequence[float]) -> Loss | None:
         places: the gaits in the unit cube, (n, d).
         speeds_m_s: of the trials, (n,).
     """
-    speeds = np.asarray(speeds_m_s, dtype=float)
-    kept = np.flatnonzero(~_stood(places, speeds) & (speeds > 0.0))
-    for _ in range(2):
+    found = StrengthLearner().learn(places, np.asarray(speeds_m_s, dtype=float))
+    return found[0] if found else None
+
+
+class StrengthLearner:
+    """Learns the strength of a run's trials. It keeps what it computed; the results do not depend on it."""
+
+    def __init__(self) -> None:
+        self._kept: list[int] = []
+        self._places = np.zeros((0, 0))
+        self._roots = np.zeros((len(_GRID), 0, 0))
+        self._logs: dict[int, Array] = {}
+
+    def follow(self, places: Array, speeds: Array) -> Array:
+        """Return the logarithm of each trial's strength over that of the first, (n,): what is expected of it.
+
+        A long history is taken in stretches of ``STRETCH`` trials: the strengths of all but the last two are settled.
+
+        Args:
+            places: the gaits in the unit cube, (n, d).
+            speeds: of the trials, (n,); whoever calls again must not change the earlier places.
+        """
+        n = len(speeds)
+        logs, first, level = np.zeros(n), 0, 0.0
+        while n - first > 2 * STRETCH:
+            if first not in self._logs:
+                part = slice(first, first + 2 * STRETCH)
+                found = StrengthLearner().learn(places[part], speeds[part])
+                self._logs[first] = found[1] if found else np.zeros(2 * STRETCH)
+            stretch = self._logs[first]
+            logs[first : first + STRETCH] = level + stretch[:STRETCH]
+            level += float(stretch[STRETCH])
+            first += STRETCH
+        found = self.learn(places[first:], speeds[first:])
+        logs[first:] = level + (found[1] if found else 0.0)
+        return logs
+
+    def learn(self, places: Array, speeds: Array) -> tuple[Loss, Array] | None:
+        """Return the loss, and the logarithm of each trial's strength over that of the first, (n,)."""
+        kept = np.flatnonzero(~_stood(places, speeds) & (speeds > 0.0))
+        for _ in range(2):
+            if len(kept) < 4:
+                return None
+            logs = np.log(speeds[kept] + _LEAST * np.median(speeds[kept]))
+            y = logs - logs.mean()
+            distance = np.sqrt(((places[kept][:, None] - places[kept][None, :]) ** 2).sum(axis=2))
+            good = _is_no_outlier(y, distance)
+            kept, y, distance = kept[good], y[good], distance[np.ix_(good, good)]
         if len(kept) < 4:
             return None
-        logs = np.log(speeds[kept] + _LEAST * np.median(speeds[kept]))
-        y = logs - logs.mean()
-        distance = np.sqrt(((places[kept][:, None] - places[kept][None, :]) ** 2).sum(axis=2))
-        good = _is_no_outlier(y, distance)
-        kept, y, distance = kept[good], y[good], distance[np.ix_(good, good)]
-    if len(kept) < 4:
-        return None
-    times = kept.astype(float)
-    after = np.tril(np.ones((len(kept), len(kept))))[:, 1:]  # column T: 1 from trial T on
-    evidence, steps = [], []
-    for noise, walk, gaits in product(_NOISES, _WALKS, _GAITS):
-        covariance = gaits**2 * np.exp(-distance / _LENGTH) + walk**2 * np.minimum(times[:, None], times[None, :]) + 4.0
-        covariance[np.diag_indices(len(y))] += noise**2
-        log_none, log_down, log_up, down = _weigh(covariance, y, after)
-        evidence.append(np.concatenate([[log_none], log_down, log_up]))
-        steps.append(down)
-    table = np.array(evidence)
-    hazard = math.log(_HAZARD)
-    table[:, 1:] += hazard
-    share = np.exp(table - table.max())
-    share /= share.sum()
-    downs = share[:, 1 : 1 + after.shape[1]]
-    at = int(downs.sum(axis=0).argmax())
-    weights = downs[:, at] / max(downs[:, at].sum(), 1e-300)
-    return Loss(float(downs.sum()), int(kept[at + 1]), math.exp(float(weights @ np.array(steps)[:, at])))
+        walks = np.minimum(kept[:, None], kept[None, :]).astype(float)
+        roots = self._root(kept.tolist(), places[kept], distance, walks)
+        weighed = _weigh(roots, y)
+        at = int(weighed.downs.sum(axis=0).argmax())
+        weights = weighed.downs[:, at] / max(weighed.downs[:, at].sum(), 1e-300)
+        loss = Loss(float(weighed.downs.sum()), int(kept[at + 1]), math.exp(float(weights @ weighed.steps[:, at])))
+        # What walk and step are expected to be at each trial that was kept, and from it at every trial.
+        fallen = np.concatenate([np.zeros((len(_GRID), 1)), np.cumsum(weighed.downs * weighed.steps, axis=1)], axis=1)
+        left = (weighed.share[:, None] * (y - weighed.raised)) - fallen
+        pulled = np.einsum("hji,hj->hi", roots, np.einsum("hij,hj->hi", roots, left))
+        walked = (_GRID[:, 1] ** 2) @ pulled @ walks
+        change = walked + fallen.sum(axis=0)
+        return loss, np.interp(np.arange(len(speeds)), kept, change - change[0])
+
+    def _root(self, kept: list[int], places: Array, distance: Array, walks: Array) -> Array:
+        """Return the inverse roots (grid, n, n) of the covariances, row by row beyond what is the same as before."""
+        pairs = zip(kept, self._kept, strict=False)
+        same = next((i for i, (one, other) in enumerate(pairs) if one != other), min(len(kept), len(self._kept)))
+        if not np.array_equal(places[:same], self._places[:same]):
+            same = 0
+        roots = np.zeros((len(_GRID), len(kept), len(kept)))
+        roots[:, :same, :same] = self._roots[:, :same, :same]
+        noise, walk, gaits = _GRID.T
+        likeness = np.exp(-distance / _LENGTH)
+        for row in range(same, len(kept)):
+            before = roots[:, :row, :row]
+            covariance = gaits[:, None] ** 2 * likeness[row, :row] + walk[:, None] ** 2 * walks[row, :row] + _MEAN_SD**2
+            variance = gaits**2 + walk**2 * walks[row, row] + _MEAN_SD**2 + noise**2
+            explained = (before @ covariance[:, :, None])[:, :, 0]
+            left = np.sqrt(variance - (explained**2).sum(axis=1))
+            roots[:, row, :row] = -(explained[:, None, :] @ before)[:, 0, :] / left[:, None]
+            roots[:, row, row] = 1.0 / left
+        self._kept, self._places, self._roots = kept, places.copy(), roots
+        return roots
 
 
-def _weigh(covariance: Array, y: Array, after: Array) -> tuple[float, Array, Array, Array]:
-    """Return log evidences without a step, with one down and with one up at each trial, and the means of those down."""
-    root = np.linalg.cholesky(covariance)
-    solved = np.linalg.solve(root, np.column_stack([y, after]))
-    none = -0.5 * float(solved[:, 0] @ solved[:, 0]) - float(np.log(root.diagonal()).sum())
-    precision = (solved[:, 1:] ** 2).sum(axis=0)
-    pull = solved[:, 1:].T @ solved[:, 0]
+@dataclass(frozen=True, slots=True)
+class _Weighed:
+    """Probabilities of a step at each trial but the first, with the sizes of noise, walk and gaits of the grid.
+
+    Args:
+        downs: probability of a step down, (grid, n - 1).
+        steps: logarithm of its factor, (grid, n - 1).
+        raised: what steps up are expected to have added to each trial, (grid, n), given the sizes.
+        share: probability of the sizes, (grid,).
+    """
+
+    downs: Array
+    steps: Array
+    raised: Array
+    share: Array
+
+
+def _weigh(roots: Array, y: Array) -> _Weighed:
+    """Weigh all steps by their evidence."""
+    solved = roots @ y
+    after = np.cumsum(roots[:, :, ::-1], axis=2)[:, :, -2::-1]  # what a step at trial T = 1, 2 ... becomes
+    none = np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1) - 0.5 * (solved**2).sum(axis=1)
+    precision, pull = (after**2).sum(axis=1), np.einsum("hij,hi->hj", after, solved)
     posterior = precision + _STEP_SD**-2
-    found = []
+    gains, steps = [], []
     for mean in (-_STEP, _STEP):
         pulled = pull + mean / _STEP_SD**2
-        gain = 0.5 * (pulled**2 / posterior - mean**2 / _STEP_SD**2 - np.log(posterior * _STEP_SD**2))
-        found.append((none + gain, pulled / posterior))
-    return none, found[0][0], found[1][0], found[0][1]
+        gains.append(0.5 * (pulled**2 / posterior - mean**2 / _STEP_SD**2 - np.log(posterior * _STEP_SD**2)))
+        steps.append(pulled / posterior)
+    table = np.concatenate([none[:, None], *(none[:, None] + math.log(_HAZARD) + gain for gain in gains)], axis=1)
+    share = np.exp(table - table.max())
+    share /= share.sum()
+    downs, ups = share[:, 1 : len(y)], share[:, len(y) :]
+    of_sizes = share.sum(axis=1)
+    raised = np.cumsum(ups * steps[1], axis=1) / np.maximum(of_sizes, 1e-300)[:, None]
+    return _Weighed(downs, steps[0], np.concatenate([np.zeros((len(roots), 1)), raised], axis=1), of_sizes)
 
 
 def _is_no_outlier(y: Array, distance: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:

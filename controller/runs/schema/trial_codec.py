@@ -15,6 +15,7 @@ from vvvaltr.controller.core.records import (
     Fit,
     LoggedTrial,
     Movement,
+    Piece,
     Review,
     SteeringStep,
     Verdict,
@@ -48,6 +49,7 @@ def encode_trial(logged: LoggedTrial) -> pb.Trial:
         steering=_where_known(logged.steering, _encode_steering),
         start=_where_known(trial.start, _encode_rest),
         end=_where_known(trial.end, _encode_rest),
+        pieces=map(_encode_piece, logged.pieces),
     )
 
 
@@ -83,6 +85,7 @@ def decode_trial(
         _decode_review(message.review),
         _decode_fit(message.fit) if message.HasField("fit") else None,
         _decode_steering(message.steering) if message.HasField("steering") else None,
+        tuple(map(_decode_piece, message.pieces)),
     )
 
 
@@ -96,6 +99,15 @@ def _encode_recommendation(best: Recommendation) -> pb.Recommendation:
 
 def _decode_recommendation(message: pb.Recommendation) -> Recommendation:
     return Recommendation(decode_gait(message.gait), decode_estimate(message.estimate))
+
+
+def _encode_piece(piece: Piece) -> pb.Piece:
+    (x_m, y_m), (cos_yaw, sin_yaw) = piece.moved_m, piece.heading
+    return pb.Piece(duration_s=piece.duration_s, x_m=x_m, y_m=y_m, cos_yaw=cos_yaw, sin_yaw=sin_yaw)
+
+
+def _decode_piece(message: pb.Piece) -> Piece:
+    return Piece(message.duration_s, (message.x_m, message.y_m), (message.cos_yaw, message.sin_yaw))
 
 
 def _encode_applied(applied: AppliedFrequencies) -> pb.AppliedFrequencies:

@@ -216,6 +216,20 @@ class Movement(_message.Message):
     displacement: Displacement
     def __init__(self, start: _Optional[_Union[RestingPose, _Mapping]] = ..., end: _Optional[_Union[RestingPose, _Mapping]] = ..., displacement: _Optional[_Union[Displacement, _Mapping]] = ...) -> None: ...
 
+class Piece(_message.Message):
+    __slots__ = ("duration_s", "x_m", "y_m", "cos_yaw", "sin_yaw")
+    DURATION_S_FIELD_NUMBER: _ClassVar[int]
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    COS_YAW_FIELD_NUMBER: _ClassVar[int]
+    SIN_YAW_FIELD_NUMBER: _ClassVar[int]
+    duration_s: float
+    x_m: float
+    y_m: float
+    cos_yaw: float
+    sin_yaw: float
+    def __init__(self, duration_s: _Optional[float] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., cos_yaw: _Optional[float] = ..., sin_yaw: _Optional[float] = ...) -> None: ...
+
 class AppliedFrequencies(_message.Message):
     __slots__ = ("mean_hz", "measured")
     MEAN_HZ_FIELD_NUMBER: _ClassVar[int]
@@ -288,7 +302,7 @@ class SteeringStep(_message.Message):
     def __init__(self, goal_x_m: _Optional[float] = ..., goal_y_m: _Optional[float] = ..., goal_yaw_rad: _Optional[float] = ..., predicted: _Optional[_Union[Displacement, _Mapping]] = ..., position_sd_m: _Optional[float] = ..., turn_sd_rad: _Optional[float] = ..., plan: _Optional[_Iterable[_Union[Gait, _Mapping]]] = ...) -> None: ...
 
 class Trial(_message.Message):
-    __slots__ = ("number", "gait", "outcome", "reason", "started_unix_s", "duration_s", "score_m_s", "recommendation", "movement", "applied", "conditions", "review", "fit", "steering", "start", "end")
+    __slots__ = ("number", "gait", "outcome", "reason", "started_unix_s", "duration_s", "score_m_s", "recommendation", "movement", "applied", "conditions", "review", "fit", "steering", "start", "end", "pieces")
     NUMBER_FIELD_NUMBER: _ClassVar[int]
     GAIT_FIELD_NUMBER: _ClassVar[int]
     OUTCOME_FIELD_NUMBER: _ClassVar[int]
@@ -305,6 +319,7 @@ class Trial(_message.Message):
     STEERING_FIELD_NUMBER: _ClassVar[int]
     START_FIELD_NUMBER: _ClassVar[int]
     END_FIELD_NUMBER: _ClassVar[int]
+    PIECES_FIELD_NUMBER: _ClassVar[int]
     number: int
     gait: Gait
     outcome: str
@@ -321,4 +336,5 @@ class Trial(_message.Message):
     steering: SteeringStep
     start: RestingPose
     end: RestingPose
-    def __init__(self, number: _Optional[int] = ..., gait: _Optional[_Union[Gait, _Mapping]] = ..., outcome: _Optional[str] = ..., reason: _Optional[str] = ..., started_unix_s: _Optional[float] = ..., duration_s: _Optional[float] = ..., score_m_s: _Optional[float] = ..., recommendation: _Optional[_Union[Recommendation, _Mapping]] = ..., movement: _Optional[_Union[Movement, _Mapping]] = ..., applied: _Optional[_Union[AppliedFrequencies, _Mapping]] = ..., conditions: _Optional[_Union[Conditions, _Mapping]] = ..., review: _Optional[_Union[Review, _Mapping]] = ..., fit: _Optional[_Union[Fit, _Mapping]] = ..., steering: _Optional[_Union[SteeringStep, _Mapping]] = ..., start: _Optional[_Union[RestingPose, _Mapping]] = ..., end: _Optional[_Union[RestingPose, _Mapping]] = ...) -> None: ...
+    pieces: _containers.RepeatedCompositeFieldContainer[Piece]
+    def __init__(self, number: _Optional[int] = ..., gait: _Optional[_Union[Gait, _Mapping]] = ..., outcome: _Optional[str] = ..., reason: _Optional[str] = ..., started_unix_s: _Optional[float] = ..., duration_s: _Optional[float] = ..., score_m_s: _Optional[float] = ..., recommendation: _Optional[_Union[Recommendation, _Mapping]] = ..., movement: _Optional[_Union[Movement, _Mapping]] = ..., applied: _Optional[_Union[AppliedFrequencies, _Mapping]] = ..., conditions: _Optional[_Union[Conditions, _Mapping]] = ..., review: _Optional[_Union[Review, _Mapping]] = ..., fit: _Optional[_Union[Fit, _Mapping]] = ..., steering: _Optional[_Union[SteeringStep, _Mapping]] = ..., start: _Optional[_Union[RestingPose, _Mapping]] = ..., end: _Optional[_Union[RestingPose, _Mapping]] = ..., pieces: _Optional[_Iterable[_Union[Piece, _Mapping]]] = ...) -> None: ...

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vvvaltr.controller.core.values import Pose
-from vvvaltr.transfer.causes.floor import cut, learn_drift
+from vvvaltr.transfer.causes.floor import DriftLearner, cut, learn_drift, weigh
 
 GAIT_HZ = (20.0, -30.0, 10.0)
 
@@ -26,10 +26,10 @@ def learn(random, drift_m_s, turns_rad_s, gaits, repeats=1):
     own = random.normal(0.0, 0.01, (gaits, 2))
     names = [gait for gait in range(gaits) for _ in range(repeats)]
     trials = [
-        cut(drive(own[gait], drift_m_s, random.uniform(-3, 3), turns_rad_s * random.choice([-1, 1]), random), GAIT_HZ)
+        cut(drive(own[gait], drift_m_s, random.uniform(-3, 3), turns_rad_s * random.choice([-1, 1]), random))
         for gait in names
     ]
-    drift = learn_drift(names, trials)
+    drift = learn_drift(names, trials, [weigh(GAIT_HZ)] * len(names))
     assert drift is not None
     return drift
 
@@ -73,6 +73,25 @@ def test_the_drift_grows_with_the_squares_of_the_frequencies():
 def test_poses_that_do_not_make_two_pieces_are_left_out():
     random = np.random.default_rng(3)
 
-    assert cut([], GAIT_HZ) is None
-    assert cut(drive((0.01, 0.0), (0.0, 0.0), 0.0, 0.1, random, duration_s=1.5), GAIT_HZ) is None
-    assert learn_drift([], []) is None
+    assert cut([]) == ()
+    assert cut(drive((0.01, 0.0), (0.0, 0.0), 0.0, 0.1, random, duration_s=1.5)) == ()
+    assert learn_drift([], [], []) is None
+
+
+def test_what_the_floor_added_is_told_for_each_trial():
+    drift = learn(np.random.default_rng(0), (0.004, -0.003), 0.4, gaits=6)
+
+    assert drift.of_trials_m_s == pytest.approx(np.tile([0.004, -0.003], (6, 1)), abs=0.002)
+
+
+def test_a_learner_that_has_learned_before_finds_the_same_bits():
+    random = np.random.default_rng(4)
+    trials = [cut(drive((0.01, 0.0), (0.004, 0.0), 0.0, 0.3, random)) for _ in range(5)]
+    learner, weights = DriftLearner(), [weigh(GAIT_HZ)] * 5
+    for count in range(1, 6):
+        last = learner.learn(range(count), trials[:count], weights[:count])
+
+    anew = learn_drift(range(5), trials, weights)
+
+    assert last is not None and anew is not None
+    assert last.of_trials_m_s.tolist() == anew.of_trials_m_s.tolist()

@@ -1,0 +1,176 @@
+"""What a run's trials would have measured on a level floor, at today's strength, with all motors turning.
+
+A trial's own score stays what it is. Before a model sees the scores, they are freed of what is not the gait's: the
+floor's part of the velocity is taken off, the rest is brought to the strength of the last trial, a trial in which the
+gait stood still counts for nothing, and where sensors tell what the motors applied, the trial counts at the gait that
+would apply it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.records import Told
+from vvvaltr.controller.core.values import Gait
+from vvvaltr.transfer.causes.floor import Drift, DriftLearner, weigh
+from vvvaltr.transfer.causes.standing import find_standing
+from vvvaltr.transfer.causes.strength import StrengthLearner
+
+NO_WEIGHT = 1e4
+"""Noise variance of a trial that stood still, in that of a trial: it says nothing of how fast the gait is."""
+
+RATIO_TRIALS = 60
+"""Number of trials that tell what a motor applies of its command; later ones do not change it."""
+
+_LEAST_HZ = 2.0  # below which the share that a motor applies says nothing
+_FARTHEST = 0.3  # share by which a motor may miss: more is a fault, or a sensor that lies
+
+
+@dataclass(frozen=True, slots=True)
+class Corrected:
+    """Trials as a model is to see them.
+
+    Args:
+        gaits: each one's gait: the commands that make the motors apply what they applied.
+        scores: at today's strength, on a level floor, (n,).
+        shares: noise variance of each in that of a trial, (n,).
+        strengths: strength of the robot in each trial over that in the first, (n,).
+        drift: of the floor; None where nothing tells it.
+    """
+
+    gaits: tuple[Gait, ...]
+    scores: Array
+    shares: Array
+    strengths: Array
+    drift: Drift | None
+
+    @property
+    def names(self) -> dict[str, float]:
+        """What was found, by name, for log and screen; empty where nothing was corrected."""
+        found = {} if len(self.strengths) == 0 or (self.strengths == 1.0).all() else {"strength": self.strengths[-1]}
+        if self.drift is not None:
+            x_m_s, y_m_s = self.drift.velocity_m_s.tolist()
+            found |= {"floor_x_m_s": x_m_s, "floor_y_m_s": y_m_s, "floor_sd_m_s": self.drift.deviation_m_s}
+        return {name: float(number) for name, number in found.items()}
+
+
+class Corrector:
+    """Corrects the trials of one run, again after each. It keeps what it computed; the results do not depend on it.
+
+    Args:
+        span_hz: width of the range of frequencies, over which gaits are alike or not.
+    """
+
+    def __init__(self, span_hz: float) -> None:
+        self._span_hz = span_hz
+        self._drifts = DriftLearner()
+        self._strengths = StrengthLearner()
+
+    def correct(self, history: Sequence[Told]) -> Corrected:
+        """Return the trials told so far, freed of what is not their gaits'; those without evidence as they are."""
+        scores = np.array([told.score for told in history], dtype=float)
+        shares, strengths, drift = np.ones(len(history)), np.ones(len(history)), None
+        known = [i for i, told in enumerate(history) if told.evidence is not None]
+        if known:
+            of = [history[i] for i in known]
+            stood = _find_standing(of)
+            scores[known], drift = self._take_off_floor(of, stood, scores[known])
+            strengths[known] = self._follow_strength(of, scores[known])
+            scores[known] *= strengths[known[-1]] / strengths[known]
+            shares[known], scores[known] = _discount(of, stood, scores[known])
+        return Corrected(_find_applied(history), scores, shares, strengths, drift)
+
+    def _take_off_floor(self, trials: Sequence[Told], stood: Array, scores: Array) -> tuple[Array, Drift | None]:
+        cut = [i for i, told in enumerate(trials) if told.evidence and len(told.evidence.pieces) > 1 and not stood[i]]
+        weights = [weigh(trials[i].gait.frequency_hz) for i in cut]
+        pieces = [trials[i].evidence.pieces for i in cut]  # type: ignore[union-attr]
+        drift = self._drifts.learn([trials[i].gait for i in cut], pieces, weights)
+        if drift is None:
+            return scores, None
+        level = scores.copy()
+        for i, added_m_s in zip(cut, drift.of_trials_m_s.tolist(), strict=True):
+            level[i] = _without(trials[i], added_m_s)
+        return level, drift
+
+    def _follow_strength(self, trials: Sequence[Told], scores: Array) -> Array:
+        places = np.array([told.gait.frequency_hz for told in trials]) / self._span_hz
+        return np.asarray(np.exp(self._strengths.follow(places, np.abs(scores))))
+
+
+def _without(told: Told, added_m_s: Sequence[float]) -> float:
+    """Return the score without what the floor added to the velocity."""
+    evidence = told.evidence
+    if evidence is None or evidence.velocity_m_s is None:
+        return told.score
+    x_m_s, y_m_s = (one - other for one, other in zip(evidence.velocity_m_s, added_m_s, strict=True))
+    if evidence.ahead is None:
+        return math.hypot(x_m_s, y_m_s)
+    return evidence.ahead[0] * x_m_s + evidence.ahead[1] * y_m_s
+
+
+def _find_standing(trials: Sequence[Told]) -> Array:
+    """Return in which trials, (n,), the robot stood still although its gait moves it."""
+    by_gait: dict[Gait, list[int]] = {}
+    for i, told in enumerate(trials):
+        by_gait.setdefault(told.gait, []).append(i)
+    stood = np.zeros(len(trials), dtype=bool)
+    for index in by_gait.values():
+        stood[index] = find_standing([abs(trials[i].score) for i in index])
+    return stood
+
+
+def _discount(trials: Sequence[Told], stood: Array, scores: Array) -> tuple[Array, Array]:
+    """Return shares of noise and scores: a trial that stood still has its gait's mean, and as good as no weight."""
+    shares, kept = np.where(stood, NO_WEIGHT, 1.0), scores.copy()
+    for i in np.flatnonzero(stood).tolist():
+        moving = [scores[j] for j, told in enumerate(trials) if told.gait == trials[i].gait and not stood[j]]
+        kept[i] = float(np.mean(moving))
+    return shares, kept
+
+
+def _find_applied(history: Sequence[Told]) -> tuple[Gait, ...]:
+    """Return the gait that each trial counts for.
+
+    A motor that applies the share r of what is commanded, in the median of all trials, applied f when f / r was, in
+    effect, its command.
+    """
+    ratios = _ratios(history[:RATIO_TRIALS])
+    return tuple(_in_effect(told, ratios) for told in history)
+
+
+def _ratios(history: Sequence[Told]) -> list[float]:
+    """Return what each motor applies of its command; NaN where nothing tells it."""
+    if not history:
+        return []
+    of_motors: list[list[float]] = [[] for _ in history[0].gait.frequency_hz]
+    for told in history:
+        if told.evidence is None or told.evidence.applied_hz is None:
+            continue
+        for ratios, hz, applied_hz in zip(of_motors, told.gait.frequency_hz, told.evidence.applied_hz, strict=True):
+            if abs(hz) >= _LEAST_HZ:
+                ratios.append(applied_hz / hz)
+    return [float(np.median(ratios)) if ratios else math.nan for ratios in of_motors]
+
+
+def _in_effect(told: Told, ratios: Sequence[float]) -> Gait:
+    applied_hz = told.evidence.applied_hz if told.evidence else None
+    if applied_hz is None:
+        return told.gait
+    hz = told.gait.frequency_hz
+    return Gait(
+        tuple(_motor_in_effect(*each) for each in zip(hz, applied_hz, ratios, strict=True)),
+        told.gait.phase_rad,
+        told.gait.amplitude,
+    )
+
+
+def _motor_in_effect(hz: float, applied_hz: float, ratio: float) -> float:
+    if abs(hz) < _LEAST_HZ or not ratio > 0.0:
+        return hz
+    found_hz = applied_hz / ratio
+    return found_hz if abs(found_hz - hz) < _FARTHEST * abs(hz) else hz
