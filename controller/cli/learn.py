@@ -158,16 +158,15 @@ def _save_recording(run: Path, arguments: Namespace) -> None:
 
 
 def _prose(result: dict[str, Any]) -> str:
+    from vvvaltr.controller.loop.summary import tell_causes
+
     lines = (
         *_prose_of_best(result["recommended"]),
         f"trials     {result['trials']} ({', '.join(f'{count} {name}' for name, count in result['outcomes'].items())})",
         f"run        {result['run']}",
         f"view it    vvvaltr view {result['run']}" + ("" if has_rerun() else ' (needs pip install "vvvaltr[rerun]")'),
     )
-    if lost := result.get("lost_strength"):
-        change = f"from trial {lost['since_trial']} on the robot moved {lost['factor']:.2f} times as far"
-        lines = (*lines, f"strength   {change}: battery, springs, floor?")
-    return "\n".join(lines)
+    return "\n".join((*lines, *(f"{word:10} {sentence}" for word, sentence in tell_causes(result))))
 
 
 def _prose_of_best(best: dict[str, Any] | None) -> tuple[str, ...]:

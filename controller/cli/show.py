@@ -64,7 +64,7 @@ def _describe_making(run: Run, listed: Listed | None) -> dict[str, str]:
 
 
 def _describe_result(run: Run, config: RunConfig | None) -> dict[str, str]:
-    from vvvaltr.controller.loop.summary import summarise
+    from vvvaltr.controller.loop.summary import summarise, tell_causes
     from vvvaltr.controller.view.commands import write_trial_command
 
     found = summarise(run.trials)
@@ -77,7 +77,7 @@ def _describe_result(run: Run, config: RunConfig | None) -> dict[str, str]:
         facts["drive it"] = write_trial_command(recommendation.gait, run.about.get("robot", ""), config)
     if once := found["best_observed"]:
         facts["fastest"] = f"trial {once['trial']}: {1000.0 * once['score_m_s']:.1f} mm/s; one trial alone may be luck"
-    return facts
+    return facts | dict(tell_causes(found))
 
 
 COMMAND = Subcommand(

@@ -10,7 +10,7 @@ import numpy as np
 from vvvaltr.controller.core.records import LoggedTrial, Review
 from vvvaltr.controller.core.values import Gait, Outcome, Phase, Trial
 from vvvaltr.transfer.causes.floor import Drift, learn_drift, weigh
-from vvvaltr.transfer.causes.standing import describe_standing, is_far_below
+from vvvaltr.transfer.causes.standing import Standing, describe_standing, is_far_below
 from vvvaltr.transfer.causes.strength import Loss, find_loss
 
 _TURNS = 0.2  # share of its commanded frequency below which a motor does not turn
@@ -63,6 +63,13 @@ def to_repeat(history: Sequence[LoggedTrial]) -> Gait | None:
 def speeds_of(gait: Gait, history: Sequence[LoggedTrial]) -> list[float]:
     """Return the scores of a gait's valid trials."""
     return [logged.score for logged in history if logged.score is not None and logged.trial.gait == gait]
+
+
+def find_standing_gaits(history: Sequence[LoggedTrial]) -> dict[Gait, Standing]:
+    """Return how often each gait moves that stood still in some of its trials and moved in others."""
+    driven = dict.fromkeys(logged.trial.gait for logged in history if logged.score is not None)
+    told = {gait: describe_standing([abs(it) for it in speeds_of(gait, history)]) for gait in driven}
+    return {gait: standing for gait, standing in told.items() if standing.moving < standing.trials}
 
 
 def find_loss_in(history: Sequence[LoggedTrial]) -> tuple[Loss, int] | None:

@@ -146,7 +146,7 @@ class _Plan:
         searched = phases.index(Phase.CONFIRMATION) if Phase.CONFIRMATION in phases else len(history)
         tell_history(self._optimizer, history[:searched])
         if searched < len(history):
-            self._begin_confirmation()
+            self._begin_confirmation(_gaits_of(history[searched:]))
             tell_history(self._optimizer, history, already=searched)
         self.trials = list(history)
         for logged in history:
@@ -189,10 +189,16 @@ class _Plan:
         has_begun, stop_below = self._searched > 0, self._budget.stop_below
         return has_begun and stop_below > 0.0 and self._optimizer.improvement() < stop_below
 
-    def _begin_confirmation(self) -> tuple[Gait, ...]:
-        """Return the gaits to confirm. They are chosen once: their repeats must not change the choice."""
+    def _begin_confirmation(self, begun: Sequence[Gait] = ()) -> tuple[Gait, ...]:
+        """Return the gaits to confirm. They are chosen once: their repeats must not change the choice.
+
+        ``begun`` are those whose confirmation has begun in an earlier session, in order; they stay, whatever has been
+        changed in the optimiser since.
+        """
         if self._finalists is None:
-            self._finalists = self._optimizer.promising(self._budget.confirm[0]) if self._budget.confirm[0] else ()
+            count = self._budget.confirm[0]
+            chosen = self._optimizer.promising(count) if count > len(begun) else ()
+            self._finalists = (*begun, *(gait for gait in chosen if gait not in begun))[:count]
         return self._finalists
 
     def _is_decided(self, finalists: int) -> bool:
@@ -218,6 +224,11 @@ class _Plan:
                 return None
         candidates = zip(self._finalists, self._optimizer.predict(self._finalists), strict=True)
         return Recommendation(*max(candidates, key=lambda candidate: candidate[1].mean))
+
+
+def _gaits_of(trials: Sequence[LoggedTrial]) -> tuple[Gait, ...]:
+    """Return the different gaits that the valid trials drove, in order."""
+    return tuple(dict.fromkeys(logged.trial.gait for logged in trials if logged.score is not None))
 
 
 def _stop_if_hopeless(trial: Trial, failures: int) -> None:

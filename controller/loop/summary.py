@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Recommendation
-from vvvaltr.controller.loop.causes import find_loss_in
+from vvvaltr.controller.loop.causes import find_loss_in, find_standing_gaits
+from vvvaltr.transfer.causes.correction import CAUSES, FLOOR_PROBABILITY, FLOOR_SD, FLOOR_X, FLOOR_Y, STRENGTH
+
+_LIKELY = 0.8  # probability of a drift from which on its direction is told
 
 
 def summarise(trials: Sequence[LoggedTrial]) -> dict[str, Any]:
@@ -18,8 +22,21 @@ def summarise(trials: Sequence[LoggedTrial]) -> dict[str, Any]:
     recommendation = valid[-1].recommendation if valid else None
     loss = find_loss_in(trials)
     lost = {"lost_strength": {"since_trial": loss[1], "factor": loss[0].factor}} if loss else {}
+    corrected = describe_correction(trials)
+    standing = [
+        {
+            "gait_hz": list(gait.frequency_hz),
+            "trials": it.trials,
+            "moved": it.moving,
+            "speed_m_s": it.speed_m_s,
+            "probability": it.probability,
+        }
+        for gait, it in find_standing_gaits(trials).items()
+    ]
     return {
         **lost,
+        **({"corrected": corrected} if corrected else {}),
+        **({"stood_still": standing} if standing else {}),
         "trials": len(trials),
         "outcomes": dict(Counter(logged.trial.outcome.value for logged in trials)),
         "best_observed": best
@@ -40,3 +57,37 @@ def describe_recommendation(recommendation: Recommendation) -> dict[str, Any]:
         "low_m_s": recommendation.estimate.low,
         "high_m_s": recommendation.estimate.high,
     }
+
+
+def describe_correction(trials: Sequence[LoggedTrial]) -> dict[str, float]:
+    """Return what the recommended speed is corrected for, as the model found it in the end; empty for nothing.
+
+    ``strength`` is today's over that of the first trial; the floor's drift is that of a gait of mean frequencies.
+    """
+    fit = next((logged.fit for logged in reversed(trials) if logged.score is not None), None)
+    return {name: fit.hyperparameters[name] for name in CAUSES if name in fit.hyperparameters} if fit else {}
+
+
+def tell_causes(found: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield what a summary says of the causes of scatter: a word for each, and a sentence."""
+    if corrected := found.get("corrected"):
+        yield "corrected", _tell_correction(corrected)
+    if lost := found.get("lost_strength"):
+        change = f"from trial {lost['since_trial']} on the robot moved {lost['factor']:.2f} times as far"
+        yield "strength", f"{change}: battery, springs, floor?"
+    for it in found.get("stood_still", ()):
+        gait = " ".join(f"{hz:.2f}" for hz in it["gait_hz"])
+        moved = f"{gait} Hz moved in {it['moved']} of {it['trials']} trials"
+        yield "stood", f"{moved}, {1000.0 * it['speed_m_s']:.1f} mm/s when it did; its speed is told from these alone"
+
+
+def _tell_correction(corrected: Mapping[str, float]) -> str:
+    """Return for what floor and strength the speeds are given."""
+    strength = f"today's strength ({corrected[STRENGTH]:.2f} of the first trial's)" if STRENGTH in corrected else ""
+    if FLOOR_X not in corrected:
+        return f"the speed is that at {strength}"
+    x_mm_s, y_mm_s, sd_mm_s = (1000.0 * corrected[name] for name in (FLOOR_X, FLOOR_Y, FLOOR_SD))
+    drift = f"the floor carries the robot by {math.hypot(x_mm_s, y_mm_s):.1f} +- {sd_mm_s:.1f} mm/s"
+    if corrected[FLOOR_PROBABILITY] >= _LIKELY:
+        drift += f" towards {math.degrees(math.atan2(y_mm_s, x_mm_s)):.0f} degrees"
+    return f"the speed is that on a level floor{f' at {strength}' if strength else ''}; {drift}"

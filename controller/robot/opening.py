@@ -96,6 +96,15 @@ def open_rig(choice: RobotChoice, seed: int, lies: RestingPose | None = None) ->
         return _open_twin(choice, seed, lies) if choice.is_twin else _open_hardware(choice)
 
 
+def is_left(choice: RobotChoice) -> bool:
+    """Return whether the robot is a twin that is left where it stopped, from trial to trial."""
+    from vvvaltr.twin.scatter import parse_scatter
+
+    if not choice.is_twin:
+        return False
+    return parse_scatter(choice.scatter or _FORMER_SCATTER, _twin(choice.name).frequency_scatter).left
+
+
 def make_twin(choice: RobotChoice, seed: int, in_any_order: bool = False) -> TwinRobot:
     """Return the twin that ``choice`` describes, without a guard.
 

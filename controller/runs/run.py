@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from vvvaltr.controller.core.disk import new_folder, write_whole
 from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
 from vvvaltr.controller.core.protocols import Observer, Optimizer, Robot
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
-from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity, Source
 from vvvaltr.controller.loop.learn import Budget, learn, make_source
 from vvvaltr.controller.loop.summary import summarise
@@ -31,9 +29,8 @@ from vvvaltr.controller.runs.config import (
     save_config,
 )
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog, describe_maker, read_run, read_trials
+from vvvaltr.controller.runs.reopening import reopen_rig, settings_of
 from vvvaltr.transfer.methods.registry import make_optimizer
-
-_FORMER_HEADING_LIMIT_RAD = 1.0  # of runs on twins that do not name theirs
 
 
 class RunDirectory:
@@ -92,7 +89,7 @@ class RunDirectory:
         sources = before.sources
         with _blame(path / "run.toml"):
             _make_budget(config)
-            rig = open_rig(config.robot, config.seed, _last_place(before.trials))
+            rig = reopen_rig(config, before.trials)
         with ExitStack() as undo:
             undo.callback(rig.robot.close)
             with _blame(path / "run.toml"):
@@ -118,8 +115,7 @@ class RunDirectory:
             observers: told of each trial once it is in the log and in `summary.json`.
             watch: returns the robot with something put around it that follows it during a trial; None for nothing.
         """
-        heading_limit_rad = _heading_limit_rad(self.config, self._rig)
-        settings = replace(self._rig.settings, duration_s=self.config.duration_s, heading_limit_rad=heading_limit_rad)
+        settings = settings_of(self.config, self._rig)
         history, all_observers = tuple(self.trials), [_Summary(self), *observers]
         budget = _make_budget(self.config)
         robot = watch(self._rig.robot) if watch else self._rig.robot
@@ -188,18 +184,6 @@ def _make_budget(config: RunConfig) -> Budget:
         reference = Gait(config.reference_hz) if config.reference_hz else None
         every = config.reference_every or 1
         return Budget(config.trials, config.score, config.confirm, config.stop_below_m_s, reference, every)
-
-
-def _heading_limit_rad(config: RunConfig, rig: Rig) -> float | None:
-    """Return the greatest change of heading of a run's trials."""
-    if config.heading_limit_rad is not None:
-        return config.heading_limit_rad
-    return _FORMER_HEADING_LIMIT_RAD if config.robot.is_twin else rig.settings.heading_limit_rad
-
-
-def _last_place(trials: Sequence[LoggedTrial]) -> RestingPose | None:
-    """Return where the robot came to rest, as far as it was seen."""
-    return next((it.movement.end for it in reversed(trials) if it.movement is not None), None)
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from vvvaltr import __version__
 from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.values import Estimate, Gait
+from vvvaltr.controller.loop.summary import summarise, tell_causes
 from vvvaltr.controller.view import run_figures as figures
 from vvvaltr.controller.view.commands import write_learn_command, write_trial_command
 from vvvaltr.controller.view.page import to_png, write_figure, write_page, write_table
@@ -119,6 +120,8 @@ def _trials(found: RunFindings) -> Iterator[str]:
     suspects = [(str(it.trial.number), it.review.suspicion) for it in trials if it.review.is_suspect]
     if suspects:
         yield write_table("Trials that a check found suspect", ("trial", "why"), suspects[:30])
+    if causes := list(tell_causes(summarise(trials))):
+        yield write_table("Causes of scatter that the trials tell", ("cause", "what was found"), causes[:30])
 
 
 def _describe_drift(left_out: LeftOut) -> str:

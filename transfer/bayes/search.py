@@ -21,7 +21,7 @@ from vvvaltr.transfer.bayes.proposal import Proposal, Propose
 from vvvaltr.transfer.bayes.refitting import Fitted
 from vvvaltr.transfer.bayes.spread import spread_out
 from vvvaltr.transfer.bayes.trials import Trials
-from vvvaltr.transfer.causes.correction import Corrector
+from vvvaltr.transfer.causes.correction import CAUSES, Corrector
 
 FITTING = "hyperparameters"
 """Purpose of the random stream that ``Learn`` is given."""
@@ -103,7 +103,7 @@ class Search:
         if self._belief is None or self._belief.fitted is None or not len(self._trials):
             return None
         fitted = self._belief.fitted
-        return Fit(describe_fit(self._space, fitted), fitted.is_of(len(self._trials)))
+        return Fit({**describe_fit(self._space, fitted), **self._found}, fitted.is_of(len(self._trials)))
 
     def recall(self, history: Sequence[Told]) -> None:
         """Be told a whole history at once in place of all that was told before.
@@ -128,14 +128,15 @@ class Search:
         newest = max((i for i, each in enumerate(history, start=1) if each.fit and each.fit.is_new), default=0)
         fit = history[newest - 1].fit if newest else None
         try:
-            last = read_fit(self._space, fit.hyperparameters if fit else {}, newest)
+            numbers = {name: it for name, it in fit.hyperparameters.items() if name not in CAUSES} if fit else {}
+            last = read_fit(self._space, numbers, newest)
             belief = self._learn(self._see(history[:newest]), last, self._stream(FITTING, newest))
             if newest < len(told):
                 belief = self._learn(told, belief.fitted, self._stream(FITTING, len(told)))
         except (ValueError, KeyError, np.linalg.LinAlgError):  # another method's, or spoilt: it is fitted again
             return 0
         self._trials, self._belief, self._history = self._see(history), belief, list(history)
-        return len(told)
+        return len(history)
 
     def _see(self, history: Sequence[Told]) -> Trials:
         """Return trials as the model is to see them. Raises ValueError as ``tell`` does."""

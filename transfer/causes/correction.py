@@ -27,6 +27,13 @@ NO_WEIGHT = 1e4
 RATIO_TRIALS = 60
 """Number of trials that tell what a motor applies of its command; later ones do not change it."""
 
+STRENGTH, FLOOR_PROBABILITY = "strength", "floor_probability"
+FLOOR_X, FLOOR_Y, FLOOR_SD = "floor_x_m_s", "floor_y_m_s", "floor_sd_m_s"
+CAUSES = (STRENGTH, FLOOR_X, FLOOR_Y, FLOOR_SD, FLOOR_PROBABILITY)
+"""Names of what was found, among the hyperparameters of a log: the robot's strength after the last trial over that in
+the first, the floor's drift at the mean sum of squared frequencies, its standard deviation, and the probability that
+there is any."""
+
 _LEAST_HZ = 2.0  # below which the share that a motor applies says nothing
 _FARTHEST = 0.3  # share by which a motor may miss: more is a fault, or a sensor that lies
 
@@ -52,10 +59,11 @@ class Corrected:
     @property
     def names(self) -> dict[str, float]:
         """What was found, by name, for log and screen; empty where nothing was corrected."""
-        found = {} if len(self.strengths) == 0 or (self.strengths == 1.0).all() else {"strength": self.strengths[-1]}
+        found = {} if (self.strengths == 1.0).all() else {STRENGTH: float(self.strengths[-1])}
         if self.drift is not None:
             x_m_s, y_m_s = self.drift.velocity_m_s.tolist()
-            found |= {"floor_x_m_s": x_m_s, "floor_y_m_s": y_m_s, "floor_sd_m_s": self.drift.deviation_m_s}
+            found |= {FLOOR_X: x_m_s, FLOOR_Y: y_m_s, FLOOR_SD: self.drift.deviation_m_s}
+            found |= {FLOOR_PROBABILITY: self.drift.is_inclined}
         return {name: float(number) for name, number in found.items()}
 
 

@@ -2,10 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from vvvaltr.controller.core.records import EventKind, LoggedTrial
+from vvvaltr.controller.core.records import EventKind, Fit, LoggedTrial
 from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Phase, Suggestion, Trial
 from vvvaltr.controller.loop.causes import StrengthWatch, fault_standing_motor, review_speed, to_repeat
 from vvvaltr.controller.loop.learn import Budget, learn
+from vvvaltr.controller.loop.summary import summarise, tell_causes
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.twin.presets import planar_robot
 
@@ -158,3 +159,29 @@ def test_impossible_references_are_refused(capsys, tmp_path):
     assert "is not GAIT:N" in capsys.readouterr().err
     assert main([*begin, "--reference", "99,14,16:2"]) == 2
     assert "--reference" in capsys.readouterr().err
+
+
+def test_the_summary_says_what_speeds_are_corrected_for_and_which_gaits_stood_still():
+    found = {
+        "strength": 0.52,
+        "floor_x_m_s": 0.0,
+        "floor_y_m_s": 0.004,
+        "floor_sd_m_s": 0.001,
+        "floor_probability": 0.9,
+    }
+    *before, last = run_of(0.100, 0.110, 0.008, 0.105)
+
+    summary = summarise([*before, replace(last, fit=Fit({"signal_variance": 1.0, **found}, is_new=True))])
+
+    assert summary["corrected"] == found
+    assert summary["stood_still"][0]["moved"] == 3 and summary["stood_still"][0]["trials"] == 4
+    told = [sentence for _, sentence in tell_causes(summary)]
+    assert told == [
+        "the speed is that on a level floor at today's strength (0.52 of the first trial's); "
+        "the floor carries the robot by 4.0 +- 1.0 mm/s towards 90 degrees",
+        "12.00 -14.00 0.00 Hz moved in 3 of 4 trials, 105.0 mm/s when it did; its speed is told from these alone",
+    ]
+
+
+def test_a_summary_of_a_run_without_a_model_says_nothing_of_causes():
+    assert list(tell_causes(summarise(run_of(0.100, 0.110)))) == []
