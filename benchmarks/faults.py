@@ -31,7 +31,7 @@ from vvvaltr.controller.core.values import Vector
 from vvvaltr.controller.loop.trial_runner import TrialCrashed
 from vvvaltr.controller.robot.mock import DEVICES
 from vvvaltr.controller.runs.run import RunDirectory
-from vvvaltr.drivers.mocking.faults import POSE_KINDS, Fault, Kind
+from vvvaltr.drivers.mocking.faults import POSE_KINDS, RADIO_KINDS, Fault, Kind
 
 _DURATION_S = 0.7
 _FAULTS_PER_RUN = 20
@@ -43,7 +43,8 @@ _RAMP_S, _END_S = 0.35, 0.1  # beginning and end of a trial, in which motors may
 
 def draw_fault(dice: random.Random, device: str, among: Collection[Kind] = tuple(Kind)) -> Fault:
     """Return a fault that begins at once. A qik gets no stalled motor, because it cannot notice one."""
-    kinds = [kind for kind in Kind if kind in among and not (device == "qik" and kind is Kind.STALL)]
+    impossible = {"qik": {Kind.STALL} | RADIO_KINDS, "struts": set()}.get(device, RADIO_KINDS)
+    kinds = [kind for kind in Kind if kind in among and kind not in impossible]
     return Fault(
         kind=dice.choice(kinds),
         at_s=0.0,

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
-from vvvaltr.drivers.motor_line import MotorLine
+from vvvaltr.drivers.motor_line import MotorLine, Patience, Unhurried
 
 _log = logging.getLogger(__name__)
 
@@ -25,7 +25,7 @@ _REOPEN_PERIOD_S, _LOOK_S = 0.2, 0.002
 _LATE_S = 0.2  # between two set-points: less than any device's watchdog
 # A motor with a sensor has time to start. Once it rotates it may lag no longer than a device takes to report the fault
 # that may be the cause; when the motor is being stopped, there is no time left to wait for that report.
-_START_S, _LAG_S, _LAG_AT_STOP_S = 0.3, 0.12, 0.05
+_LAG_AT_STOP_S = 0.05
 _STARTED_SHARE, _STALLED_SHARE, _LEAST_HZ = 0.8, 0.4, 1.0
 _PRIORITY = 10
 
@@ -40,18 +40,14 @@ class HeldMotors:
 
     Args:
         open_line: opens the line, finds the device on it, arms its watchdog and clears old faults; DeviceError if not.
-        stale_s: how long the device may be silent.
         ramp_hz_s: (motors,) the fastest change of each frequency; 0 for no limit. Empty for no limit on any.
 
     Raises:
         DeviceError: the line could not be opened.
     """
 
-    def __init__(
-        self, open_line: Callable[[], MotorLine], stale_s: float = 0.4, ramp_hz_s: Sequence[float] = ()
-    ) -> None:
+    def __init__(self, open_line: Callable[[], MotorLine], ramp_hz_s: Sequence[float] = ()) -> None:
         self._open_line = open_line
-        self._stale_s = stale_s
         self._slew = _SlewLimit(ramp_hz_s)
         self._sending = threading.Lock()
         self._gait: Gait | None = None
@@ -68,6 +64,11 @@ class HeldMotors:
     def quantities(self) -> frozenset[Quantity]:
         """What of a gait the device can apply."""
         return self._line.quantities
+
+    @property
+    def settle_s(self) -> float:
+        """How long a motor takes until its measured frequency is that of the set-point."""
+        return self._patience.settle_s
 
     def check(self, gait: Gait) -> None:
         """Raise ValueError if the device cannot apply the frequencies of ``gait``. Sends nothing."""
@@ -148,6 +149,7 @@ class HeldMotors:
 
     def _open(self) -> None:
         self._line = self._open_line()
+        self._patience = self._line.patience if isinstance(self._line, Unhurried) else Patience()
         self._gait = None
         self._problem = None
         self._followers = [_Follower(number) for number in range(1, self._line.motor_count + 1)]
@@ -219,14 +221,14 @@ class HeldMotors:
 
     def _check_stalls(self) -> None:
         with self._sending:  # else the runner might change the set-points in the middle of the comparison
-            if (stall := self._stall(_LAG_S)) is not None:
+            if (stall := self._stall(self._patience.lag_s)) is not None:
                 raise stall
 
     def _stall(self, patience_s: float) -> DeviceFault | None:
         """Return the fault of a motor that has lagged its set-point for ``patience_s``; None if all follow."""
         state = self._line.state()
         for follower, frequency_hz in zip(self._followers, state.frequency_hz, strict=True):
-            if state.measured and follower.has_stalled(frequency_hz, state.t_s, patience_s):
+            if state.measured and follower.has_stalled(frequency_hz, state.t_s, self._patience.start_s, patience_s):
                 return DeviceFault(
                     "stall",
                     f"{self._line.name}: motor {follower.number} of the line turns at {frequency_hz:.2g} Hz "
@@ -242,7 +244,7 @@ class HeldMotors:
 
     def _check_heard(self, now_s: float) -> None:
         silence_s = now_s - self._line.heard_s
-        if silence_s > self._stale_s:
+        if silence_s > self._patience.stale_s:
             raise DeviceTimeout(
                 f"{self._line.name}: no message from the device for {silence_s:.2f} s; check its power and wiring"
             )
@@ -292,7 +294,7 @@ class _Follower:
             self._has_started, self._told_s = False, now_s
         self.wanted_hz = frequency_hz
 
-    def has_stalled(self, frequency_hz: float, t_s: float, patience_s: float) -> bool:
+    def has_stalled(self, frequency_hz: float, t_s: float, start_s: float, lag_s: float) -> bool:
         """Return whether the motor, at ``frequency_hz`` at ``t_s``, has not started in time or lags for too long."""
         if abs(self.wanted_hz) < _LEAST_HZ:
             return False
@@ -300,4 +302,4 @@ class _Follower:
         if share > _STALLED_SHARE:
             self._followed_s = t_s
         self._has_started = self._has_started or share > _STARTED_SHARE
-        return t_s > (self._followed_s + patience_s if self._has_started else self._told_s + _START_S)
+        return t_s > (self._followed_s + lag_s if self._has_started else self._told_s + start_s)

@@ -5,11 +5,39 @@ What holds for every device, above all that its motors stop, is in ``held_motors
 
 from __future__ import annotations
 
-from typing import Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Protocol, TypeVar, runtime_checkable
 
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 
 WATCHDOG = "watchdog"  # code of the DeviceFault of a device whose watchdog stopped the motors
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How much time a device is given before something is wrong. The defaults suit a device on a wire.
+
+    Args:
+        stale_s: how long it may be silent.
+        start_s: how long a motor with a sensor may take to start; infinite where the device watches that by itself.
+        lag_s: how long a motor that has started may lag its set-point.
+        settle_s: how long a motor takes until its measured frequency is that of the set-point.
+    """
+
+    stale_s: float = 0.4
+    start_s: float = 0.3
+    lag_s: float = 0.12
+    settle_s: float = 0.6
+
+
+@runtime_checkable
+class Unhurried(Protocol):
+    """A line whose device takes its time, over the radio for instance."""
+
+    @property
+    def patience(self) -> Patience:
+        """How much time it is given."""
+        ...
 
 
 class MotorLine(Protocol):
@@ -44,7 +72,7 @@ class MotorLine(Protocol):
 
     @property
     def watchdog_s(self) -> float:
-        """Longest time after the last set-point until the device stops the motors by itself."""
+        """Longest time after the last set-point until the device stops the motors by itself; infinite if never."""
         ...
 
     @property

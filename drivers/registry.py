@@ -51,6 +51,8 @@ class Driver(Generic[TableT]):
         make_mock: plugs in a mock device under a port of this name; None where there is none.
         make_bus_mock: the same on a CAN bus, by python-can's interface and channel.
         make_fast_mock: the same as ``make_mock``, with motors that reach so many Hz; None where they cannot.
+        make_firmware_mock: the same with one of ``firmwares``.
+        firmwares: names of the firmwares that a mock can play.
     """
 
     table: type[TableT]
@@ -58,6 +60,8 @@ class Driver(Generic[TableT]):
     make_mock: Callable[[Path], MockLine] | None = None
     make_bus_mock: Callable[[str, str], MockLine] | None = None
     make_fast_mock: Callable[[Path, float], MockLine] | None = None
+    make_firmware_mock: Callable[[Path, str], MockLine] | None = None
+    firmwares: tuple[str, ...] = ()
 
 
 DRIVERS: Registry[Driver[Any]] = Registry(
@@ -69,6 +73,7 @@ DRIVERS: Registry[Driver[Any]] = Registry(
             "qik": "vvvaltr.drivers.qik:DRIVER",
             "odrive": "vvvaltr.drivers.odrive:DRIVER",
             "node": "vvvaltr.drivers.node:DRIVER",
+            "struts": "vvvaltr.drivers.struts:DRIVER",
         }
     ),
 )

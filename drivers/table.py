@@ -56,6 +56,11 @@ class LineTable(Table, frozen=True, kw_only=True, tag_field="driver"):
 
     motor: tuple[MotorTable, ...]
 
+    @property
+    def reverses(self) -> bool:
+        """Whether the motors can turn both ways."""
+        return True
+
     def check(self) -> None:
         """Raise ValueError, its text beginning with the key, where the table makes no sense as a whole."""
 

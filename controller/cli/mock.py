@@ -28,12 +28,14 @@ _STDIN, _STDOUT = 0, 1
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("device", metavar="DEVICE", help="device: qik, odrive, node, or the driver of a plug-in")
+    parser.add_argument("device", metavar="DEVICE", help="qik, odrive, node, struts, or the driver of a plug-in")
     parser.add_argument("--robot", choices=TWINS, default="planar", metavar="NAME",
                         help="twin that the motors move: planar or spatial (default planar)")  # fmt: skip
     parser.add_argument("--tracker", default="stream", metavar="KIND", help="tracker that sees it (default stream)")
     parser.add_argument("--max-hz", type=number(above=0), metavar="HZ",
                         help="what its motors reach (node, odrive; default 16.5)")  # fmt: skip
+    parser.add_argument("--firmware", default="", metavar="NAME",
+                        help="what struts run: vvvaltr (default), laboratory, laboratory-pwm, rfduino")  # fmt: skip
     parser.add_argument("--link", type=Path, metavar="PATH", help="name of the port (default: a new temporary one)")
     parser.add_argument(
         "--faults",
@@ -68,6 +70,7 @@ def _execute(arguments: Namespace) -> Answer | None:
                 bus,
                 arguments.tracker,
                 arguments.max_hz,
+                arguments.firmware,
             )
         leaving.callback(mock.close)
         as_json = arguments.json or not os.isatty(_STDOUT)

@@ -69,6 +69,11 @@ class JoinedMotors:
         """What all lines can apply."""
         return frozenset.intersection(*(line.quantities for line in self._lines))
 
+    @property
+    def settle_s(self) -> float:
+        """How long a motor takes, on the slowest line, until its measured frequency is that of the set-point."""
+        return max(line.settle_s for line in self._lines)
+
     def drive(self, gait: Gait, hold_s: float) -> None:
         """Send each line its part, once all lines can apply theirs. Raises as ``MotorDriver.drive`` does."""
         shares = self._shares(gait)

@@ -12,6 +12,7 @@ import msgspec
 
 from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
+from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.robot.robot_file import RobotFile, SearchTable
 from vvvaltr.drivers.mocking.faults import Fault
 from vvvaltr.drivers.mocking.moving_twin import MovingTwin
@@ -59,6 +60,7 @@ def open_mock(
     bus: tuple[str, str] | None = None,
     tracker: str = "stream",
     max_hz: float | None = None,
+    firmware: str = "",
 ) -> Mock:
     """Plug in a mock and write its robot's file beside ``link``.
 
@@ -70,6 +72,7 @@ def open_mock(
         bus: python-can's interface and channel, for a device on a CAN bus instead of under ``link``.
         tracker: the kind of tracker that sees the robot.
         max_hz: what the motors reach; None for the mock's usual 16.5 Hz.
+        firmware: what the device runs, where there is a choice; empty for the usual one.
 
     Raises:
         UserError: the file would overwrite one of yours, or there is no such mock.
@@ -80,7 +83,7 @@ def open_mock(
         raise UserError(f"{robot_file} is not a mock's file and would be overwritten; choose another --link")
     _remove_leftover(link, robot_file)
     with ExitStack() as undo:
-        line = _make_line(device, link, bus, max_hz)
+        line = _make_line(device, link, bus, max_hz, firmware)
         undo.callback(line.port.close)
         feed = _make_feed(tracker)
         undo.callback(feed.feed.close)
@@ -89,7 +92,8 @@ def open_mock(
         mock = Mock(PluggedDevice(line.device, line.port, motion, faults), line.port.name, robot_file, feed.address)
         undo.callback(robot_file.unlink, missing_ok=True)
         head = f"{_MARK}\n{_PROCESS}{os.getpid()}\n\n"
-        content = _robot_file(twin, line.table, feed.table, max_hz or _SEARCH_HZ[1])
+        high_hz = max_hz or min(_SEARCH_HZ[1], *(motor.max_hz for motor in line.table.motor))
+        content = _robot_file(twin, line.table, feed.table, high_hz)
         robot_file.write_text(head + content, encoding="utf-8")
         undo.pop_all()
     return mock
@@ -105,12 +109,18 @@ def _remove_leftover(link: Path, robot_file: Path) -> None:
         link.unlink()
 
 
-def _make_line(device: str, link: Path, bus: tuple[str, str] | None, max_hz: float | None) -> MockLine:
+def _make_line(device: str, link: Path, bus: tuple[str, str] | None, max_hz: float | None, firmware: str) -> MockLine:
     driver = DRIVERS.named(device)
     if max_hz is not None:
         if driver.make_fast_mock is None or bus is not None:
             raise NotUnderstood(f"the motors of this mock {device} end where they do: leave out --max-hz")
         return driver.make_fast_mock(link, max_hz)
+    if firmware:
+        if driver.make_firmware_mock is None:
+            raise NotUnderstood(f"the mock {device} has one firmware alone: leave out --firmware")
+        if firmware not in driver.firmwares:
+            raise NotUnderstood(unknown("firmware", firmware, driver.firmwares))
+        return driver.make_firmware_mock(link, firmware)
     if bus is not None:
         if driver.make_bus_mock is None:
             raise NotUnderstood(f"the mock {device} has no CAN bus: leave out --interface and --channel")

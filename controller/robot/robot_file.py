@@ -88,7 +88,13 @@ class RobotFile(Table, frozen=True, kw_only=True):
     def range_hz(self) -> tuple[float, float]:
         """The frequencies to search."""
         least_hz = min(self.limits.max_hz)
-        return (self.search.low_hz, self.search.high_hz) if self.search else (-least_hz, least_hz)
+        low_hz = -least_hz if self.reverses else 0.0
+        return (self.search.low_hz, self.search.high_hz) if self.search else (low_hz, least_hz)
+
+    @property
+    def reverses(self) -> bool:
+        """Whether all motors can turn both ways."""
+        return all(line.reverses for line in self.line)
 
     @property
     def trial_settings(self) -> TrialSettings:
@@ -189,6 +195,8 @@ def _check_rest(robot: RobotFile) -> None:
     limit_hz = min(robot.limits.max_hz)
     if not low_hz < high_hz:
         raise ValueError(f"search.high_hz is {high_hz:g}; allowed: above search.low_hz, {low_hz:g}")
+    if low_hz < 0.0 and not robot.reverses:
+        raise ValueError(f"search.low_hz is {low_hz:g}; allowed: 0 or more, since a motor of the robot turns one way")
     for key, value in (("low_hz", low_hz), ("high_hz", high_hz)):
         if abs(value) > limit_hz + 1e-9:
             raise ValueError(f"search.{key} is {value:g}; allowed: -{limit_hz:g} to {limit_hz:g}, the motors' max_hz")

@@ -20,6 +20,8 @@ class Kind(StrEnum):
     UNPLUG = "unplug"  # the line is gone for a while
     ERROR = "error"  # the device sees an error, on the line or of its own
     SILENCE = "silence"  # no heartbeats and no telemetry, while commands are obeyed
+    DROP_OUT = "drop_out"  # one strut is out of the radio's range
+    SLOW = "slow"  # the radio link is slow, both ways
     BLIND = "blind"  # the tracker does not see the robot
     JUMP = "jump"  # it sees the robot elsewhere
     FREEZE = "freeze"  # it repeats the last pose, with new numbers and times
@@ -31,7 +33,8 @@ class Kind(StrEnum):
 
 REPLY_KINDS = frozenset({Kind.DROP, Kind.CORRUPT, Kind.DELAY, Kind.DUPLICATE})
 POSE_KINDS = frozenset({Kind.BLIND, Kind.JUMP, Kind.FREEZE, Kind.ORIGIN, Kind.SECOND_BODY, Kind.UNIT, Kind.CLOCK_STEP})
-DEVICE_KINDS = frozenset({Kind.STALL, Kind.ERROR, Kind.SILENCE})
+RADIO_KINDS = frozenset({Kind.DROP_OUT, Kind.SLOW})
+DEVICE_KINDS = frozenset({Kind.STALL, Kind.ERROR, Kind.SILENCE}) | RADIO_KINDS
 
 
 class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -45,8 +48,8 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         every_s: time from each beginning of the fault to the next; None for once.
         duration_s: how long it lasts (all kinds but those of messages).
         replies: number of messages affected (drop, corrupt, delay, duplicate).
-        delay_s: how late messages are.
-        motor: the motor, counted from 1 (stall, error).
+        delay_s: how late messages are (delay, slow).
+        motor: the motor, counted from 1 (stall, error, drop out).
         code: the device's own code for the error; None for the mock's choice.
         size_m: how far away the robot is seen (jump), or the other body is (second body).
         step_s: how far the tracker's clock is set forward; negative is back (clock step).

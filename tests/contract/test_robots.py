@@ -42,3 +42,7 @@ class TestOdrive(RobotContract):
 
 class TestNode(RobotContract):
     device = "node"
+
+
+class TestStruts(RobotContract):
+    device = "struts"

@@ -12,6 +12,7 @@ import pytest
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 from vvvaltr.drivers.held_motors import HeldMotors
+from vvvaltr.drivers.motor_line import Patience
 
 GAIT = Gait((10.0,))
 
@@ -32,6 +33,7 @@ class Line:
     is_stalled: bool = False
     measured: bool = True
     slack_hz: float = 0.0
+    patience: Patience = Patience(stale_s=0.15)  # noqa: RUF009
     is_closed: bool = False
 
     def check(self, gait: Gait) -> None:
@@ -79,7 +81,7 @@ def held(ramp_hz_s: tuple[float, ...] = ()) -> Iterator[tuple[HeldMotors, list[L
         lines.append(Line())
         return lines[-1]
 
-    with closing(HeldMotors(open_line, stale_s=0.15, ramp_hz_s=ramp_hz_s)) as motors:
+    with closing(HeldMotors(open_line, ramp_hz_s=ramp_hz_s)) as motors:
         yield motors, lines
 
 

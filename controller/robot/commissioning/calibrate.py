@@ -158,7 +158,8 @@ class _Measurement:
             record_states(motors, gait, _SETTLE_S, self._seconds)
             return self._ask()
         if motors.state().measured:
-            states = record_states(motors, gait, _SETTLE_S, self._seconds / 3.0)
+            settle_s = max(_SETTLE_S, motors.settle_s)
+            states = record_states(motors, gait, settle_s, self._seconds / 3.0)
             mean_hz = sum(abs(state.frequency_hz[self._motor]) for state in states) / len(states)
             return mean_hz if mean_hz > _OFF_HZ else math.nan
         return self._seen_hz(command, gait)

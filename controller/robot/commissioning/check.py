@@ -33,6 +33,7 @@ _SETTLE_S, _LOOK_S, _LOOK_POSES = 0.6, 1.0, 50.0
 _TOLERANCE = 0.15
 _CLEAR = 1.6
 _LOOK_AT_REST_S = 2.0
+_REOPENING_S = 2.0
 _ROTATION_S, _RUN_DOWN_S, _AT_REST_HZ = 0.4, 0.5, 1.0
 
 
@@ -103,9 +104,12 @@ def _check_watchdog(name: str, line: LineTable) -> Finding:
     """Start the motors, fall silent, and observe whether the device stops them by itself."""
     try:
         opened = open_line(line)
-    except DeviceError as error:
+    except (DeviceError, UserError) as error:
         return Finding(name, False, str(error), "make the link work first")
     try:
+        if math.isinf(opened.watchdog_s):
+            detail = "there is none: the motors run on when the link is lost or this program is killed"
+            return Finding(name, True, detail, "keep a hand at their switch, or use boards with a watchdog")
         return _watchdog_finding(name, opened, Gait(tuple(0.5 * motor.max_hz for motor in line.motor)))
     except DeviceError as error:
         return Finding(
@@ -170,12 +174,13 @@ def _check_motors(robot: RobotFile, seeing: _Seeing | None) -> Iterator[Finding]
             for line in robot.line:
                 lines.append(open_motors(line))
                 stack.callback(lines[-1].close)
-        except DeviceError as error:
+        except (DeviceError, UserError) as error:
             yield Finding("motors", False, str(error), "make the link work first")
             return
         motors = JoinedMotors(lines)
         for number, motor in enumerate(robot.motors, start=1):
-            yield from _RotationTest(motors, seeing, number - 1, motor.max_hz).findings(f"motor {number}")
+            test = _RotationTest(motors, seeing, number - 1, motor.max_hz, robot.reverses)
+            yield from test.findings(f"motor {number}")
         if seeing is not None:
             yield _check_motion(motors, seeing, robot)
 
@@ -209,6 +214,7 @@ class _RotationTest:
     seeing: _Seeing | None
     motor: int
     max_hz: float
+    reverses: bool = True
 
     @property
     def frequency_hz(self) -> float:
@@ -228,6 +234,8 @@ class _RotationTest:
             forward_hz, reverse_hz = self._measured_hz(asked_hz), self._measured_hz(-asked_hz)
         except (DeviceError, TrackingLost) as error:
             yield Finding(name, False, str(error), cure)
+            with suppress(DeviceError, UserError):
+                self.motors.ready(_REOPENING_S)  # the next motor is judged for itself
             return
         detail = f"set to {asked_hz:.1f} Hz, turns at {forward_hz:.1f} Hz"
         passed = _is_near(abs(forward_hz), asked_hz)
@@ -244,7 +252,7 @@ class _RotationTest:
             )
             return
         asked_hz, look_s = self.frequency_hz, max(_LOOK_S, _LOOK_POSES / self.seeing.rate_hz)
-        for title, sign in ((name, 1.0), (f"{name} direction", -1.0)):
+        for title, sign in ((name, 1.0), (f"{name} direction", -1.0))[: 2 if self.reverses else 1]:
             poses = record_poses(self.motors, self.seeing.tracker, self._gait(sign * asked_hz), _SETTLE_S, look_s)
             peak = find_peak(measure_spectrum(poses), 0.6 * asked_hz, 1.4 * asked_hz)
             passed = peak.clarity > _CLEAR and _is_near(peak.frequency_hz, asked_hz)
@@ -268,7 +276,7 @@ class _RotationTest:
         )
 
     def _measured_hz(self, frequency_hz: float) -> float:
-        states = record_states(self.motors, self._gait(frequency_hz), _SETTLE_S, 0.3)
+        states = record_states(self.motors, self._gait(frequency_hz), max(_SETTLE_S, self.motors.settle_s), 0.3)
         return sum(state.frequency_hz[self.motor] for state in states) / len(states)
 
     def _gait(self, motor_hz: float) -> Gait:

@@ -16,7 +16,8 @@ _HOT_DC = 950
 class SimulatedMotor:
     """A DC motor behind an H-bridge: its frequency follows the output with a lag of the first order."""
 
-    def __init__(self, no_load_hz: float) -> None:
+    def __init__(self, no_load_hz: float, counts_per_turn: int = COUNTS_PER_TURN) -> None:
+        self._counts_per_turn = counts_per_turn
         self.output = 0
         self.is_jammed = False
         self.is_hot = False
@@ -36,7 +37,7 @@ class SimulatedMotor:
         target_hz = self.applied_hz
         lag = 0.0 if self.is_jammed else max(0.0, 1.0 - duration_us / _LAG_US)
         self.frequency_hz = target_hz + (self.frequency_hz - target_hz) * lag
-        edges = self._edges + self.frequency_hz * COUNTS_PER_TURN * duration_us / 1e6
+        edges = self._edges + self.frequency_hz * self._counts_per_turn * duration_us / 1e6
         count = int(edges // 1)
         if count != self.count:
             nearest = count if edges > self._edges else count + 1  # the edge that was crossed last
