@@ -27,7 +27,8 @@ from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, GaitSpace
 from vvvaltr.controller.loop.causes import find_loss_in
-from vvvaltr.controller.loop.learn import Budget, learn
+from vvvaltr.controller.loop.learn import learn
+from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial

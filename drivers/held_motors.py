@@ -143,6 +143,11 @@ class HeldMotors:
                 _log.info("the line does not open yet, trying again: %s", error)
                 time.sleep(_REOPEN_PERIOD_S)
 
+    def park(self) -> None:
+        """Stop the motors and release the line, until ``ready`` opens it again."""
+        self._shut()
+        self._problem = LinkLost(f"{self._line.name}: let go during a pause")
+
     def close(self) -> None:
         """Stop the motors, then release the line. Idempotent."""
         self._shut()

@@ -13,6 +13,7 @@ from vvvaltr.controller.core.protocols import AskTell, Observer, Robot
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import GaitSpace, Source
 from vvvaltr.controller.loop import learn as loop
+from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.scoring import SCORES
 from vvvaltr.controller.loop.trial_runner import TrialSettings
@@ -136,11 +137,11 @@ def learn(
     return trials_made()
 
 
-def _budget(trials: int, score: str, confirm: tuple[int, int]) -> loop.Budget:
+def _budget(trials: int, score: str, confirm: tuple[int, int]) -> Budget:
     if trials < 1:
         raise UserError(f"trials is {trials}: make at least 1")
     with one_line_errors():
-        return loop.Budget(trials, score, confirm)
+        return Budget(trials, score, confirm)
 
 
 def _guarded(robot: Robot) -> GuardedRobot:

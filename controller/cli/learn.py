@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 import time
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction, Namespace
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -11,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.following import add_following_arguments, open_events, open_live_view
+from vvvaltr.controller.cli.keyboard import is_at_keyboard, raw_keyboard
+from vvvaltr.controller.cli.operator import KEY_DETAILS, TerminalOperator
 from vvvaltr.controller.cli.options import (
     add_robot_arguments,
     add_trial_arguments,
@@ -24,7 +27,7 @@ from vvvaltr.controller.cli.options import (
 from vvvaltr.controller.cli.progress import TrialProgress
 from vvvaltr.controller.cli.rerun_extra import has_rerun
 from vvvaltr.controller.cli.telling import say
-from vvvaltr.controller.core.errors import NotUnderstood, UserError
+from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
 from vvvaltr.controller.core.records import EventKind
 
 if TYPE_CHECKING:
@@ -50,6 +53,15 @@ def _add_arguments(parser: ArgumentParser) -> None:
                        help="drive GAIT every N trials, to see whether the robot has changed")  # fmt: skip
     group.add_argument("--stop-when", dest="stop_below_mm_s", type=number(above=0), metavar="MM_S",
                        help="end the search when the expected gain of a trial falls below this, in mm/s")  # fmt: skip
+    group = parser.add_argument_group("operator")
+    group.add_argument("--attended", action=BooleanOptionalAction, help="ask the person beside the robot "
+                       "between trials (default with a robot's file on a terminal)")  # fmt: skip
+    group.add_argument("--reposition", choices=("each", "arena", "never"), metavar="WHEN",
+                       help="when the robot is put back to its start: before each trial, at the border of its arena, "
+                       "or never (default each where the robot's file has [start], else arena)")  # fmt: skip
+    group.add_argument("--no-hand", action="store_true", help="do not ask the hand of a mock to put its robot back")
+    group.add_argument("--park-after", type=number(above=0), default=60.0, metavar="S",
+                       help="in a longer pause, let go of the motors' lines (default 60 s)")  # fmt: skip
     group = parser.add_argument_group("run")
     where = group.add_mutually_exclusive_group()
     where.add_argument("--out", type=Path, metavar="DIR", help="new directory for the run (default runs/DATE-ROBOT)")
@@ -68,6 +80,9 @@ def _gaits_by_repeats(text: str) -> tuple[int, int]:
 def _execute(arguments: Namespace) -> Answer:
     from vvvaltr.controller.runs.run import RunDirectory
 
+    if arguments.attended and not is_at_keyboard():
+        raise UserError("--attended needs a terminal, and there is none here: over ssh, ask for one by ssh -t")
+    _check_reposition(arguments)
     asked = _asked(arguments)
     with ExitStack() as stack:
         observers = open_events(arguments, stack)
@@ -85,6 +100,19 @@ def _execute(arguments: Namespace) -> Answer:
     if has_rerun() and not arguments.no_recording:
         _save_recording(run.path, arguments)
     return Answer(_prose(result), result)
+
+
+def _check_reposition(arguments: Namespace) -> None:
+    """Raise UserError, before anything is written, where the robot cannot be put back as asked."""
+    from vvvaltr.controller.loop.putting_back import Placement, Reposition
+    from vvvaltr.controller.robot.robot_file import load_robot_file
+
+    if arguments.reposition is None or (arguments.resume and arguments.robot is None):
+        return
+    if arguments.robot is None or not arguments.robot.endswith(".toml"):
+        raise NotUnderstood("--reposition is for a robot's file: a twin is put back, or left, as its --scatter says")
+    with one_line_errors():
+        Placement(Reposition(arguments.reposition), load_robot_file(Path(arguments.robot)).start_place)
 
 
 def _reference(text: str) -> tuple[tuple[float, ...], int]:
@@ -121,15 +149,27 @@ def _default_directory(asked: dict[str, Any]) -> Path:
 
 
 def _learn(run: RunDirectory, observers: Sequence[Observer], arguments: Namespace) -> None:
+    from vvvaltr.controller.loop.putting_back import Reposition
+    from vvvaltr.controller.runs.attended import Attended
     from vvvaltr.controller.view.showing import show_learning
 
     done = sum(logged.score is not None for logged in run.trials)
     with ExitStack() as stack:
         view = open_live_view(arguments, stack, lambda: show_learning(run))
-        progress = stack.enter_context(closing(TrialProgress(arguments, run.config.trials, done)))
+        operator = _operator(run, arguments, stack)
+        clear = operator.clear if operator else None
+        progress = stack.enter_context(closing(TrialProgress(arguments, run.config.trials, done, clear)))
+        reposition = Reposition(arguments.reposition) if arguments.reposition else None
+        attended = Attended(operator, reposition, not arguments.no_hand, arguments.park_after)
         all_observers = [*observers, *([view] if view else []), _Warnings(progress)]
-        for logged in run.learn(all_observers, view.watch if view else None):
+        for logged in run.learn(all_observers, view.watch if view else None, attended):
             progress.tell(logged)
+
+
+def _operator(run: RunDirectory, arguments: Namespace, stack: ExitStack) -> TerminalOperator | None:
+    """Return the person at the terminal, None where nobody is to be asked."""
+    is_asked = is_at_keyboard() and not run.config.robot.is_twin if arguments.attended is None else arguments.attended
+    return TerminalOperator(stack.enter_context(raw_keyboard(sys.stdin.fileno()))) if is_asked else None
 
 
 class _Warnings:
@@ -188,5 +228,5 @@ COMMAND = Subcommand(
     example="vvvaltr learn --robot planar --trials 40 --seed 1 --out runs/flat",
     add_arguments=_add_arguments,
     execute=_execute,
-    details=lambda: {**method_details(), **score_details()},
+    details=lambda: {**method_details(), **score_details(), "keys": KEY_DETAILS},
 )

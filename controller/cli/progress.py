@@ -7,12 +7,16 @@ import sys
 import time
 from argparse import Namespace
 from collections import Counter
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from vvvaltr.controller.cli.telling import bar, say, say_above
+from vvvaltr.controller.core.records import Verdict
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.records import LoggedTrial
+
+_VERDICTS = {Verdict.DISCARD: "discarded", Verdict.SKIP: "skipped"}
 
 
 class TrialProgress:
@@ -22,9 +26,11 @@ class TrialProgress:
         arguments: those of the command, which say how much is told.
         total: number of valid trials wanted.
         done: number of valid trials made before.
+        clear: removes what else is shown on the bar's line; None where nothing is.
     """
 
-    def __init__(self, arguments: Namespace, total: int, done: int) -> None:
+    def __init__(self, arguments: Namespace, total: int, done: int, clear: Callable[[], None] | None = None) -> None:
+        self._clear = clear
         self._arguments, self._total, self._begun, self._done = arguments, total, done, done
         self._failures: Counter[str] = Counter()
         self._began_s = time.monotonic()
@@ -36,6 +42,12 @@ class TrialProgress:
 
     def tell(self, logged: LoggedTrial) -> None:
         """Tell of one more trial."""
+        if self._clear:
+            self._clear()
+        if logged.review.verdict in (Verdict.DISCARD, Verdict.SKIP):
+            why = f": {logged.review.verdict_reason}" if logged.review.verdict_reason else ""
+            self.warn(f"trial {logged.trial.number}: {_VERDICTS[logged.review.verdict]}{why}")
+            return
         if logged.score is None:
             self._failures[logged.trial.outcome.value.replace("_", " ")] += 1
             self.warn(f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}")
@@ -54,6 +66,8 @@ class TrialProgress:
 
     def warn(self, line: str) -> None:
         """Tell a line above the bar."""
+        if self._clear:
+            self._clear()
         say_above(self._bar, line)
 
     def close(self) -> None:

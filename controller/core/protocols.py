@@ -130,6 +130,15 @@ class Robot(Protocol):
         ...
 
 
+@runtime_checkable
+class Parkable(Protocol):
+    """A robot that can let go of its motors for a while."""
+
+    def park(self) -> None:
+        """Stop the motors and let go of their lines, until ``place`` opens them again. Idempotent."""
+        ...
+
+
 class AskTell(Protocol):
     """Proposes gaits and learns from scores. It never runs a trial.
 
@@ -192,6 +201,15 @@ class Listening(AskTell, Protocol):
 
     def tell_trial(self, told: Told) -> None:
         """Learn from one valid trial. Raises ValueError if the score is not finite."""
+        ...
+
+
+@runtime_checkable
+class Skipping(Protocol):
+    """An optimiser that proposes other gaits in place of those that the operator does not want to be driven."""
+
+    def skip(self, gait: Gait) -> None:
+        """Propose neither this gait nor one like it from now on. It holds for the whole run, whatever is told later."""
         ...
 
 

@@ -113,6 +113,7 @@ class Verdict(StrEnum):
     KEEP = "keep"
     REPEAT = "repeat"
     DISCARD = "discard"
+    SKIP = "skip"  # the gait was not driven
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,6 +261,7 @@ class EventKind(StrEnum):
     """What can happen to a run beside its trials."""
 
     BEGIN = "begin"  # the run begins, or goes on
+    WAITING = "waiting"  # for the operator: the text says what for
     WARNING = "warning"  # something needs attention, and the run goes on
     END = "end"  # the run is complete, or was ended: the text says by what
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from vvvaltr.controller.core.records import LoggedTrial, Review
+from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.records import LoggedTrial, Review, Verdict
 from vvvaltr.controller.core.values import Gait, Outcome, Phase, Trial
 from vvvaltr.transfer.causes.floor import Drift, learn_drift, weigh
 from vvvaltr.transfer.causes.standing import Standing, describe_standing, is_far_below
@@ -19,6 +20,7 @@ _COMMANDED_HZ = 2.0  # below which a motor need not start
 _RECENT = 60  # trials that are searched for a loss
 _SAME_LOSS = 5  # trials by which the start of one loss may shift as more is known
 _LEAST_TURN_RAD = 0.1  # without which a run does not tell the floor from the robot
+_SHORTFALL = 0.85  # share of its set-point below which a motor falls short
 _STANDS_FOR = 0.3  # share of a drive's second half in which it must stand
 
 
@@ -28,10 +30,9 @@ def fault_standing_motor(trial: Trial) -> Trial:
     The second half of the drive counts, after its first second: motors have spun up by then, and one that stopped has
     stopped. A shorter drive is not judged.
     """
-    states = [state for state in trial.states if state.t_s > max(_SPUN_UP_S, 0.5 * trial.duration_s)]
-    if not trial.outcome.is_valid or not states or not all(state.measured for state in states):
+    measured_hz = _measured_late(trial)
+    if not trial.outcome.is_valid or measured_hz is None:
         return trial
-    measured_hz = np.abs([state.frequency_hz for state in states])
     for motor, hz in enumerate(trial.gait.frequency_hz):
         stood = measured_hz[:, motor] < _TURNS * abs(hz)
         if abs(hz) >= _COMMANDED_HZ and stood.mean() > _STANDS_FOR:
@@ -58,6 +59,11 @@ def to_repeat(history: Sequence[LoggedTrial]) -> Gait | None:
     if len(valid) > 1 and valid[-2].review.is_suspect and valid[-2].trial.gait == valid[-1].trial.gait:
         return None
     return valid[-1].trial.gait
+
+
+def asked_again(history: Sequence[LoggedTrial]) -> Gait | None:
+    """Return the gait of the last trial if the operator wants it driven once more."""
+    return history[-1].trial.gait if history and history[-1].review.verdict is Verdict.REPEAT else None
 
 
 def speeds_of(gait: Gait, history: Sequence[LoggedTrial]) -> list[float]:
@@ -128,3 +134,44 @@ def describe_loss(loss: Loss, since: int) -> str:
         f"from trial {since} on the robot moves {loss.factor:.2f} times as far as before "
         f"({100.0 * loss.probability:.0f} % certain): battery, springs, floor?"
     )
+
+
+class ShortfallWatch:
+    """Sees motors that turn more slowly than they are told, trial after trial: the battery fades, or one is jammed."""
+
+    def __init__(self) -> None:
+        self._before = 0
+
+    def look(self, trial: Trial) -> str:
+        """Return what is wrong after a trial; empty for nothing, and where no sensor measures the motors."""
+        motor, share = _worst_motor(trial)
+        was, self._before = self._before, motor if share < _SHORTFALL else 0
+        if not self._before or self._before != was:
+            return ""
+        self._before = 0
+        return f"battery or stall: motor {motor} turned at {share:.0%} of its set-point in two trials"
+
+
+def _worst_motor(trial: Trial) -> tuple[int, float]:
+    """Return the motor that fell behind its set-point most, counted from 1, and its share of the set-point."""
+    measured_hz = _measured_late(trial)
+    if measured_hz is None or not trial.outcome.is_valid:
+        return 0, 1.0
+    mean_hz = np.median(measured_hz, axis=0)
+    shares = [
+        abs(float(mean_hz[motor] / hz)) if abs(hz) >= _COMMANDED_HZ else 1.0
+        for motor, hz in enumerate(trial.gait.frequency_hz)
+    ]
+    share, motor = min((share, motor) for motor, share in enumerate(shares, start=1))
+    return motor, share
+
+
+def _measured_late(trial: Trial) -> Array | None:
+    """Return the magnitudes (times, motors) that sensors measured in the second half of a drive, spun up by then.
+
+    None where nothing was measured.
+    """
+    states = [state for state in trial.states if state.t_s > max(_SPUN_UP_S, 0.5 * trial.duration_s)]
+    if not states or not all(state.measured for state in states):
+        return None
+    return np.abs([state.frequency_hz for state in states])

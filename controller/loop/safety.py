@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from vvvaltr.controller.core.errors import SafetyStop
-from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
+from vvvaltr.controller.core.protocols import Clock, MotorDriver, Parkable, Robot, Tracker
 from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Pose, Quantity, Structure
 
 _RUNAWAY = 1.25  # applied over allowed frequency, above which a motor has run away
@@ -117,6 +117,12 @@ class GuardedRobot:
     def carry_on(self, trial: int) -> None:
         """Make the robot ready for a trial that begins where it is."""
         self._robot.carry_on(trial)
+
+    def park(self) -> None:
+        """Stop the motors, and let go of their lines where the robot has any."""
+        self._robot.motors.stop()
+        if isinstance(self._robot, Parkable):
+            self._robot.park()
 
     def close(self) -> None:
         """Stop the motors and close all devices."""

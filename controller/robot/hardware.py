@@ -111,6 +111,11 @@ class JoinedMotors:
         for line in self._lines:
             line.ready(patience_s)
 
+    def park(self) -> None:
+        """Stop the motors and release all lines, until ``ready`` opens them again."""
+        for line in self._lines:
+            line.park()
+
     def close(self) -> None:
         """Stop, then release all lines."""
         for line in self._lines:
@@ -149,6 +154,10 @@ class HardwareRobot:
     def carry_on(self, trial: int) -> None:
         """Do as ``place`` does: nobody moves the robot between trials."""
         self.place(trial)
+
+    def park(self) -> None:
+        """Stop the motors and release their lines, until ``place`` opens them again."""
+        self.motors.park()
 
     def find(self, patience_s: float) -> Pose:
         """Return where the robot is, after waiting for the tracker to see it. Raises TrackingLost."""

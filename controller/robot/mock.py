@@ -13,8 +13,9 @@ import msgspec
 from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.spelling import unknown
-from vvvaltr.controller.robot.robot_file import RobotFile, SearchTable
+from vvvaltr.controller.robot.robot_file import HandTable, RobotFile, SearchTable
 from vvvaltr.drivers.mocking.faults import Fault
+from vvvaltr.drivers.mocking.hand import MockHand
 from vvvaltr.drivers.mocking.moving_twin import MovingTwin
 from vvvaltr.drivers.mocking.plugged import PluggedDevice
 from vvvaltr.drivers.registry import DRIVERS, MockLine
@@ -78,6 +79,8 @@ def open_mock(
         UserError: the file would overwrite one of yours, or there is no such mock.
         ValueError: the port's name is taken.
     """
+    from vvvaltr.twin.engine import Start
+
     robot_file = link.with_name(f"{link.name}.toml")
     if robot_file.exists() and not robot_file.read_bytes().startswith(_MARK.encode()):
         raise UserError(f"{robot_file} is not a mock's file and would be overwritten; choose another --link")
@@ -87,13 +90,15 @@ def open_mock(
         undo.callback(line.port.close)
         feed = _make_feed(tracker)
         undo.callback(feed.feed.close)
-        motion = MovingTwin(_twin(twin).make(), feed.feed)
+        moved = _twin(twin).make()
+        hand = MockHand(lambda x_m, y_m, yaw_rad: moved.put_down(Start(x_m, y_m, yaw_rad)))
+        motion = MovingTwin(moved, feed.feed, hand)
         undo.callback(motion.close)
         mock = Mock(PluggedDevice(line.device, line.port, motion, faults), line.port.name, robot_file, feed.address)
         undo.callback(robot_file.unlink, missing_ok=True)
         head = f"{_MARK}\n{_PROCESS}{os.getpid()}\n\n"
         high_hz = max_hz or min(_SEARCH_HZ[1], *(motor.max_hz for motor in line.table.motor))
-        content = _robot_file(twin, line.table, feed.table, high_hz)
+        content = _robot_file(twin, line.table, feed.table, high_hz, hand.port)
         robot_file.write_text(head + content, encoding="utf-8")
         undo.pop_all()
     return mock
@@ -143,10 +148,11 @@ def _twin(name: str) -> Preset:
     return TWINS[name]
 
 
-def _robot_file(twin: str, line: LineTable, tracker: TrackerTable, high_hz: float) -> str:
+def _robot_file(twin: str, line: LineTable, tracker: TrackerTable, high_hz: float, hand_port: int) -> str:
     robot = RobotFile(
         line=(line,),
         tracker=tracker,
+        hand=HandTable(port=hand_port),
         search=SearchTable(low_hz=_SEARCH_HZ[0], high_hz=high_hz),
     )
     return to_toml({**msgspec.to_builtins(robot), "body": _twin(twin).body})

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from vvvaltr.controller.core.attending import Hand, StartPlace
 from vvvaltr.controller.core.errors import NotUnderstood, one_line_errors
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.spelling import unknown
@@ -33,11 +34,15 @@ class Rig:
         robot: with guarded motors; to be closed after use.
         settings: how its trials are run unless something else is asked for.
         range_hz: the frequencies to search unless others are asked for.
+        start: where it is put back to; None for a twin, which its scatter puts back, and where the file does not say.
+        hand: what puts it back without a person; None for nothing.
     """
 
     robot: GuardedRobot
     settings: TrialSettings
     range_hz: tuple[float, float]
+    start: StartPlace | None = None
+    hand: Hand | None = None
 
 
 def choose_robot(asked: dict[str, Any]) -> RobotChoice:
@@ -146,6 +151,9 @@ def _open_twin(choice: RobotChoice, seed: int, lies: RestingPose | None) -> Rig:
 def _open_hardware(choice: RobotChoice) -> Rig:
     from vvvaltr.controller.robot.hardware import open_hardware
     from vvvaltr.controller.robot.robot_file import robot_file_from
+    from vvvaltr.drivers.mocking.hand import AskedHand
 
     config = robot_file_from(choice.file or {}, choice.name)
-    return Rig(GuardedRobot(open_hardware(config), config.limits), config.trial_settings, config.range_hz)
+    hand = AskedHand(config.hand.port) if config.hand else None
+    robot = GuardedRobot(open_hardware(config), config.limits)
+    return Rig(robot, config.trial_settings, config.range_hz, config.start_place, hand)

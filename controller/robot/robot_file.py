@@ -9,12 +9,14 @@ from typing import Annotated, Any, Literal, Union
 import msgspec
 from msgspec import Meta
 
+from vvvaltr.controller.core.attending import StartPlace
 from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.document import read_document, typed
 from vvvaltr.controller.core.errors import NotUnderstood
 from vvvaltr.controller.core.plug_ins import Registry
 from vvvaltr.controller.core.spelling import did_you_mean
 from vvvaltr.controller.loop.plausibility import Plausibility, plausible_speed_m_s
+from vvvaltr.controller.loop.putting_back import Placement
 from vvvaltr.controller.loop.safety import Arena, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.drivers.links.curve import Curve
@@ -30,6 +32,22 @@ class ArenaTable(Table, frozen=True, kw_only=True):
 
     x_m: tuple[float, float]
     y_m: tuple[float, float]
+
+
+class StartTable(Table, frozen=True, kw_only=True):
+    """Where the robot is put back to; see ``StartPlace``. Without ``yaw_rad`` any heading will do."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_rad: float | None = None
+    within_m: Positive = 0.03
+    within_rad: Positive = 0.2
+
+
+class HandTable(Table, frozen=True, kw_only=True):
+    """Where the hand beside a mock's robot is asked, on this computer. ``vvvaltr mock`` writes it."""
+
+    port: Annotated[int, Meta(ge=1, le=65535)]
 
 
 class TrialTable(Table, frozen=True, kw_only=True):
@@ -63,6 +81,8 @@ class RobotFile(Table, frozen=True, kw_only=True):
         tracker: what knows where the robot is.
         search: the frequencies to search; by default all that the motors can do.
         arena: where the robot may be; None for everywhere.
+        start: where the robot is put back to; None for the middle of the arena.
+        hand: what puts a mock's robot back; None where a person does.
         trial: how trials are run.
         body: what the robot is built like, for drawing it: ``prism3`` or ``icosahedron6``.
     """
@@ -71,6 +91,8 @@ class RobotFile(Table, frozen=True, kw_only=True):
     tracker: TrackerTable
     search: SearchTable | None = None
     arena: ArenaTable | None = None
+    start: StartTable | None = None
+    hand: HandTable | None = None
     trial: TrialTable = TrialTable()
     body: Literal["", "prism3", "icosahedron6"] = ""
 
@@ -95,6 +117,11 @@ class RobotFile(Table, frozen=True, kw_only=True):
     def reverses(self) -> bool:
         """Whether all motors can turn both ways."""
         return all(line.reverses for line in self.line)
+
+    @property
+    def start_place(self) -> StartPlace | None:
+        """Where the robot is put back to."""
+        return StartPlace(**msgspec.structs.asdict(self.start)) if self.start else None
 
     @property
     def trial_settings(self) -> TrialSettings:
@@ -207,3 +234,7 @@ def _check_rest(robot: RobotFile) -> None:
             raise ValueError(
                 f"arena.{axis} is {list(getattr(robot.arena, axis))}; allowed: [low, high] with low < high"
             )
+    if robot.start and Placement(arena=robot.trial_settings.arena).is_at_border(robot.start.x_m, robot.start.y_m):
+        raise ValueError(
+            f"start is at x_m {robot.start.x_m:g}, y_m {robot.start.y_m:g}; allowed: well inside the arena"
+        )

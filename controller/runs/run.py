@@ -16,10 +16,12 @@ from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_er
 from vvvaltr.controller.core.protocols import Observer, Optimizer, Robot
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
 from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity, Source
-from vvvaltr.controller.loop.learn import Budget, learn, make_source
+from vvvaltr.controller.loop.learn import learn, make_source
+from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.summary import summarise
 from vvvaltr.controller.robot.choice import option
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
+from vvvaltr.controller.runs.attended import Attended, make_attendance
 from vvvaltr.controller.runs.config import (
     RunConfig,
     check_config,
@@ -107,19 +109,29 @@ class RunDirectory:
         return read_run(self.path)
 
     def learn(
-        self, observers: Sequence[Observer] = (), watch: Callable[[Robot], Robot] | None = None
+        self,
+        observers: Sequence[Observer] = (),
+        watch: Callable[[Robot], Robot] | None = None,
+        attended: Attended | None = None,
     ) -> Iterator[LoggedTrial]:
         """Make the remaining trials; see ``vvvaltr.controller.loop.learn.learn`` for what is raised.
 
         Args:
             observers: told of each trial once it is in the log and in `summary.json`.
             watch: returns the robot with something put around it that follows it during a trial; None for nothing.
+            attended: who is beside the robot, and when it is put back; None for nobody, and as usual.
+
+        Raises:
+            UserError: the robot cannot be put back as asked.
         """
         settings = settings_of(self.config, self._rig)
         history, all_observers = tuple(self.trials), [_Summary(self), *observers]
         budget = _make_budget(self.config)
-        robot = watch(self._rig.robot) if watch else self._rig.robot
-        return learn(robot, self.optimizer, settings, budget, self._record, history, all_observers)
+        attendance = make_attendance(self._rig, attended or Attended(), is_twin=self.config.robot.is_twin)
+        if watch:
+            attendance.robot = watch(attendance.robot)
+        robot = self._rig.robot
+        return learn(robot, self.optimizer, settings, budget, self._record, history, all_observers, attendance)
 
     def summarise(self) -> dict[str, Any]:
         """Write `summary.json` and return what is in it."""

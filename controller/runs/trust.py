@@ -69,6 +69,7 @@ def _with_new_addresses(run: Path, robot: RobotChoice, named: str) -> RobotChoic
 
 def _without_addresses(robot: Any) -> dict[str, Any]:
     content: dict[str, Any] = msgspec.to_builtins(robot)
+    content.pop("hand", None)
     for table, plain in zip((*robot.line, robot.tracker), (*content["line"], content["tracker"]), strict=True):
         for key in table.addresses:
             plain.pop(key, None)

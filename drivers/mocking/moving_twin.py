@@ -9,6 +9,7 @@ from dataclasses import replace
 from vvvaltr.controller.core.errors import DeviceFault
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.values import Gait, Vector
+from vvvaltr.drivers.mocking.hand import MockHand
 from vvvaltr.drivers.mocking.pose_faults import PoseFaults
 from vvvaltr.drivers.trackers.registry import PoseFeed
 
@@ -23,9 +24,11 @@ class MovingTwin:
     Args:
         twin: the robot; it is not put back between trials.
         feed: shows its poses to the tracker.
+        hand: puts the twin back when it is asked to; None for nobody.
     """
 
-    def __init__(self, twin: Robot, feed: PoseFeed) -> None:
+    def __init__(self, twin: Robot, feed: PoseFeed, hand: MockHand | None = None) -> None:
+        self._hand = hand
         self._twin = twin
         self._feed = feed
         self._now_s = -math.inf
@@ -38,6 +41,8 @@ class MovingTwin:
             return
         elapsed_s = min(now_s - self._now_s, _LONGEST_STEP_S)
         self._now_s = now_s
+        if self._hand is not None:
+            self._hand.work()
         try:
             self._twin.motors.drive(Gait(tuple(applied_hz)), 1.0)
             self._twin.clock.sleep(max(0.0, elapsed_s))
@@ -59,3 +64,5 @@ class MovingTwin:
         """Close the twin and the feed."""
         self._twin.close()
         self._feed.close()
+        if self._hand is not None:
+            self._hand.close()

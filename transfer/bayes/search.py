@@ -26,6 +26,9 @@ from vvvaltr.transfer.causes.correction import CAUSES, Corrector
 FITTING = "hyperparameters"
 """Purpose of the random stream that ``Learn`` is given."""
 
+_ALIKE = 0.1  # share of each range within which a gait is like a skipped one
+_INSTEAD_PLACES = 512
+
 Learn = Callable[[Trials, Fitted | None, np.random.Generator], Belief]
 """Returns what is believed after one or more trials, given the last fit of hyperparameters, and a random stream.
 
@@ -61,6 +64,7 @@ class Search:
         self._history: list[Told] = []
         self._corrector = Corrector(_span_hz(space)) if corrects else None
         self._found: Mapping[str, float] = {}  # of the causes of scatter, by name
+        self._skipped: list[Array] = []
         self._proposal: Proposal | None = None  # made once between two trials, since it costs most
 
     def ask(self) -> Suggestion:
@@ -97,6 +101,11 @@ class Search:
         self._history.append(told)
         self._trials, last = trials, self._belief.fitted if self._belief else None
         self._belief, self._proposal = self._learn(trials, last, self._stream(FITTING)), None
+
+    def skip(self, gait: Gait) -> None:
+        """Propose neither this gait nor one like it from now on. It holds for the whole run, whatever is told later."""
+        self._skipped.append(self._space.to_unit(gait))
+        self._proposal = None
 
     def fit(self) -> Fit | None:
         """Return the fit of the hyperparameters after the last trial; None before the first and where there is none."""
@@ -189,8 +198,21 @@ class Search:
 
     def _next(self) -> Proposal:
         if self._proposal is None:
-            self._proposal = self._propose(self._trials, self._belief, self._stream("proposal"))
+            proposal = self._propose(self._trials, self._belief, self._stream("proposal"))
+            self._proposal = self._instead(proposal) if self._is_skipped(proposal.x) else proposal
         return self._proposal
+
+    def _instead(self, proposal: Proposal) -> Proposal:
+        """Return the most promising of some places that are unlike the skipped ones; the proposal if there is none."""
+        drawn = self._stream("instead").random((_INSTEAD_PLACES, self._space.dimension))
+        x = np.array([place for place in drawn if not self._is_skipped(place)])
+        if not len(x):
+            return proposal
+        best = 0 if self._belief is None else int(np.argmax(self._belief.posterior.predict_mean(x)))
+        return Proposal(x[best], "in place of a skipped gait", proposal.improvement)
+
+    def _is_skipped(self, x: Array) -> bool:
+        return any(np.abs(x - skipped).max() < _ALIKE for skipped in self._skipped)
 
     def _best(self) -> Array:
         """Return the place (d,) of the greatest posterior mean."""

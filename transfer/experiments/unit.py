@@ -14,7 +14,8 @@ import msgspec
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, GaitSpace, Source
-from vvvaltr.controller.loop.learn import Budget, learn
+from vvvaltr.controller.loop.learn import learn
+from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial

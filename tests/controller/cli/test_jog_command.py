@@ -1,4 +1,4 @@
-"""`jog` at a terminal: keys as bytes, and what it does where there is no terminal."""
+"""`jog` at a terminal, and what it does where there is none."""
 
 import os
 import pty
@@ -9,10 +9,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from vvvaltr.controller.cli.jog import TerminalKeys, decode_keys, raw_keyboard
+from vvvaltr.controller.cli.jog import JogKeys
+from vvvaltr.controller.cli.keyboard import Keyboard
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.loop.jog import Key
 from vvvaltr.controller.runs.log import read_run
@@ -20,51 +19,14 @@ from vvvaltr.controller.runs.log import read_run
 VVVALTR = (sys.executable, "-c", "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())")
 
 
-@pytest.mark.parametrize(
-    ("sent", "keys"),
-    [
-        (b"\x1b[A", [Key.FORWARD]),
-        (b"\x1bOB", [Key.BACK]),
-        (b"\x1b[C\x1b[D", [Key.RIGHT, Key.LEFT]),
-        (b" q", [Key.STOP, Key.QUIT]),
-        (b"xyz", []),
-        (b"\x1b[H\x1b[A", [Key.FORWARD]),
-    ],
-)
-def test_a_terminals_bytes_are_keys(sent: bytes, keys: list[Key]) -> None:
-    assert decode_keys(sent) == (keys, b"")
-
-
-@given(st.binary(max_size=40), st.integers(0, 40))
-def test_bytes_that_come_in_two_parts_are_the_same_keys(sent: bytes, cut: int) -> None:
-    first, rest = decode_keys(sent[:cut])
-    second, _ = decode_keys(rest + sent[cut:])
-
-    assert first + second == decode_keys(sent)[0]
-
-
-def test_a_terminal_that_is_gone_quits() -> None:
+def test_arrows_drive_space_and_s_stop_and_q_quits() -> None:
     read, write = os.pipe()
+    os.write(write, b"\x1b[A\x1b[Bs xq")
+
+    assert JogKeys(Keyboard(read))(0.1) == [Key.FORWARD, Key.BACK, Key.STOP, Key.STOP, Key.QUIT]
     os.close(write)
-
-    assert TerminalKeys(read)(0.1) == [Key.QUIT]
+    assert JogKeys(Keyboard(read))(0.1) == [Key.QUIT]  # the terminal is gone
     os.close(read)
-
-
-def test_the_terminal_is_as_before_afterwards() -> None:
-    import termios
-
-    master, terminal = pty.openpty()
-    before = termios.tcgetattr(terminal)
-
-    with raw_keyboard(terminal) as keyboard:
-        os.write(master, b"\x1b[A")
-        assert keyboard(1.0) == [Key.FORWARD]
-        assert termios.tcgetattr(terminal) != before
-
-    assert termios.tcgetattr(terminal) == before
-    os.close(master)
-    os.close(terminal)
 
 
 def test_without_a_terminal_jog_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

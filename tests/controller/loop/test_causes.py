@@ -5,7 +5,8 @@ import numpy as np
 from vvvaltr.controller.core.records import EventKind, Fit, LoggedTrial
 from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Phase, Suggestion, Trial
 from vvvaltr.controller.loop.causes import StrengthWatch, fault_standing_motor, review_speed, to_repeat
-from vvvaltr.controller.loop.learn import Budget, learn
+from vvvaltr.controller.loop.learn import learn
+from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.summary import summarise, tell_causes
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.twin.presets import planar_robot

@@ -6,7 +6,8 @@ from scripted import ScriptedRobot, raising
 from vvvaltr.controller.core.errors import TrackingLost, UserError
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Gait, GaitSpace, Outcome, Suggestion
-from vvvaltr.controller.loop.learn import Budget, learn, make_source
+from vvvaltr.controller.loop.learn import learn, make_source
+from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.summary import summarise
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings
 from vvvaltr.transfer.methods.efficient_bo import EfficientBO

@@ -8,7 +8,8 @@ from vvvaltr.controller.core.errors import TrackingLost, UserError
 from vvvaltr.controller.core.protocols import Observer
 from vvvaltr.controller.core.records import Event, EventKind, LoggedTrial
 from vvvaltr.controller.core.values import GaitSpace
-from vvvaltr.controller.loop.learn import Budget, learn
+from vvvaltr.controller.loop.learn import learn
+from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.transfer.methods.random_search import RandomSearch
 

@@ -1,0 +1,93 @@
+"""Keys from a terminal, each at once: for driving by hand and for the operator of a run."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import termios
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+GONE = "gone"
+"""Stands for the key of a terminal that was closed."""
+
+_ESCAPE_S = 0.02  # within which the rest of an arrow key follows its first byte
+_ARROWS = {b"A": "up", b"B": "down", b"C": "right", b"D": "left"}
+
+
+class Keyboard:
+    """The keys of a terminal, by name: ``up``, ``down``, ``left``, ``right``, ``GONE``, or the character itself.
+
+    Args:
+        terminal: its file descriptor.
+    """
+
+    def __init__(self, terminal: int) -> None:
+        self._terminal = terminal
+        self._rest = b""
+
+    def read(self, wait_s: float) -> list[str]:
+        """Return the keys that have come, after waiting for one for at most ``wait_s``."""
+        if not select.select([self._terminal], [], [], wait_s)[0]:
+            is_escape = self._rest == b"\x1b" and wait_s > _ESCAPE_S
+            self._rest = b"" if is_escape else self._rest
+            return ["\x1b"] if is_escape else []
+        try:
+            came = os.read(self._terminal, 1024)
+        except OSError:  # as of a pseudo-terminal whose other end is closed
+            came = b""
+        if not came:
+            return [GONE]
+        keys, self._rest = decode_keys(self._rest + came)
+        return keys
+
+
+def decode_keys(text: bytes) -> tuple[list[str], bytes]:
+    """Return the keys of what a terminal sent, and the beginning of one that is not complete yet."""
+    keys: list[str] = []
+    while text:
+        if text[:1] == b"\x1b":
+            if text in (b"\x1b", b"\x1b[", b"\x1bO"):
+                return keys, text
+            if text[1:2] in (b"[", b"O"):
+                keys += [_ARROWS[text[2:3]]] if text[2:3] in _ARROWS else []
+                text = text[3:]
+                continue
+        length = _length(text[0])
+        if len(text) < length and all(0x80 <= byte < 0xC0 for byte in text[1:]):
+            return keys, text
+        try:
+            keys.append(text[:length].decode())
+            text = text[length:]
+        except UnicodeDecodeError:
+            text = text[1:]
+    return keys, b""
+
+
+def _length(first: int) -> int:
+    """Return how many bytes a character of UTF-8 has, by its first byte."""
+    return 4 if first >= 0xF0 else 3 if first >= 0xE0 else 2 if first >= 0xC0 else 1
+
+
+@contextmanager
+def raw_keyboard(terminal: int) -> Iterator[Keyboard]:
+    """Have a terminal send each key at once and unseen, until the block is left. Ctrl-C still interrupts."""
+    before = termios.tcgetattr(terminal)
+    try:
+        tty.setcbreak(terminal)
+        yield Keyboard(terminal)
+    finally:
+        with suppress(termios.error):  # of a terminal that is closed
+            termios.tcflush(terminal, termios.TCIFLUSH)  # what was typed too late must not reach the shell
+            termios.tcsetattr(terminal, termios.TCSANOW, before)  # at once, even where nobody reads the output
+
+
+def is_at_keyboard() -> bool:
+    """Return whether a person can be asked: both ways lead to a terminal, and this program is in its foreground."""
+    try:
+        is_terminal = sys.stdin.isatty() and sys.stderr.isatty()
+        return is_terminal and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+    except (OSError, ValueError):  # a terminal of another session; a closed standard input
+        return False
