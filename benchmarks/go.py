@@ -12,7 +12,9 @@ The twin scatters as a careful laboratory does, in "hurried" as a hurried one.
 Baselines with the same seeds: the repertoire as it was learned (fixed), its fastest gait alone, its straightest and its
 best turning movement alone (two), and a planner that knows each movement by four trials where it goes (truth).
 
-Each goal is written to the file of ``--out`` when it is done, and what the file has is not measured again.
+Each goal is written to the file of ``--out`` when it is done, and what the file has is not measured again: a benchmark
+that was ended goes on, and with more ``--goals`` it adds to what there is. ``--list`` names the figures, ``--only NAME``
+measures those with this in their names.
 """
 
 from __future__ import annotations
@@ -73,14 +75,14 @@ def cases(goals: int) -> Iterator[Case]:
         *((world, method) for world in ("inclined 0.02", "hurried") for method in ("cold", "carried")),
     ]
     yield from (Case(body, world, method, goals) for world, method in both for body in BODIES)
-    few, fewest = max(1, goals // 4), max(1, goals // 10)
+    few, fewest = max(1, goals // 2), max(1, goals // 4)
     for world, methods in (
         ("level", ("truth", "two", "fixed", "fastest")),
         ("inclined 0.05", ("fixed", "two")),
         ("damaged", ("fixed", "two", "fastest")),
     ):
         yield from (Case("icosahedron6", world, method, few) for method in methods)
-    yield from (Case(body, "level", "carried", max(1, goals // 2) if goals >= 40 else fewest, True) for body in BODIES)
+    yield from (Case(body, "level", "carried", few if goals >= 40 else fewest, True) for body in BODIES)
     yield Case("icosahedron6", "slow motors", "cold", fewest)
 
 
@@ -155,12 +157,14 @@ def trials_of_truth(case: Case, gaits: Iterable[Gait]) -> list[Trial]:
 
 
 def bearings(case: Case) -> list[tuple[tuple[float, float], ...]]:
-    """Return what the robot is sent to each time: one goal, or the corners of a square."""
+    """Return what the robot is sent to each time: one goal, or the corners of a square.
+
+    Each bearing is the golden angle from the one before, so that any number of them is spread evenly.
+    """
     import numpy as np
 
-    random = np.random.default_rng([SEED, case.goals])
-    turned = random.uniform(0.0, math.tau)
-    angles = [turned + math.tau * goal / case.goals for goal in random.permutation(case.goals)]
+    turned = np.random.default_rng(SEED).uniform(0.0, math.tau)
+    angles = [turned + goal * math.pi * (3.0 - math.sqrt(5.0)) for goal in range(case.goals)]
     if case.squares:
         corners = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))
         return [
@@ -289,16 +293,20 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
-    parser.add_argument("--goals", type=int, default=40, help="for each figure; fewer for the baselines (default 40)")
+    parser.add_argument("--goals", type=int, default=40, help="for each figure; half for the baselines (default 40)")
     parser.add_argument("--only", default="", help="only figures whose name has this in it")
     parser.add_argument(
         "--out", type=Path, default=Path("runs/go-figures.jsonl"), help="results, kept and gone on with"
     )
+    parser.add_argument("--list", action="store_true", help="measure nothing: name the figures")
     parser.add_argument("--show", action="store_true", help="measure nothing: show what the file has")
     arguments = parser.parse_args()
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     results = [json.loads(line) for line in arguments.out.read_text().splitlines()] if arguments.out.exists() else []
     chosen = [case for case in cases(arguments.goals) if arguments.only in case.name]
+    if arguments.list:
+        print("\n".join(f"{case.name} ({case.goals} {'squares' if case.squares else 'goals'})" for case in chosen))
+        return
     for case in () if arguments.show else chosen:
         done = sum(result["case"] == case.name for result in results)
         if done < case.goals:
