@@ -13,8 +13,8 @@ Baselines with the same seeds: the repertoire as it was learned (fixed), its fas
 best turning movement alone (two), and a planner that knows each movement by four trials where it goes (truth).
 
 Each goal is written to the file of ``--out`` when it is done, and what the file has is not measured again: a benchmark
-that was ended goes on, and with more ``--goals`` it adds to what there is. ``--list`` names the figures, ``--only NAME``
-measures those with this in their names.
+that was ended goes on, and with more ``--goals`` it adds to what there is. ``--list`` names the figures, and
+``--only NAME`` measures those with this in their names.
 """
 
 from __future__ import annotations
