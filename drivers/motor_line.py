@@ -11,6 +11,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 
 WATCHDOG = "watchdog"  # code of the DeviceFault of a device whose watchdog stopped the motors
+LOW_SUPPLY = "supply voltage too low"  # in the message of the DeviceFault of a device whose battery is flat
 
 
 @dataclass(frozen=True, slots=True)

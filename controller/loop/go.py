@@ -12,11 +12,13 @@ from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
 from vvvaltr.controller.core.records import Displacement, LoggedTrial, SteeringStep
 from vvvaltr.controller.core.values import Outcome, Pose, Structure, Suggestion
+from vvvaltr.controller.loop.causes import describe_loss, find_loss_in
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.steersman import Onward, Steersman, Watch, primitive_settings
 from vvvaltr.controller.loop.thinking import AtOnce, Thinking
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
+from vvvaltr.drivers.motor_line import LOW_SUPPLY
 from vvvaltr.transfer.steering.passage import rotation, where
 from vvvaltr.transfer.steering.planner import Goal, Plan
 
@@ -164,12 +166,18 @@ class Journey:
         if self._reached == len(self._goals) or self._reason:
             return True
         if self._spent_s >= self._budget_s:
-            self._reason = f"not there after {self._budget_s:g} s of driving; allow more by --time"
+            self._give_up(f"not there after {self._budget_s:g} s of driving; allow more by --time")
         elif self._is_stuck():
-            self._reason = (
-                f"stuck: the robot has moved by less than {1000 * _STUCK_M:g} mm in {_STUCK_S:g} s of driving"
+            self._give_up(
+                f"stuck: the robot has moved by less than {1000 * _STUCK_M:g} mm in {_STUCK_S:g} s of driving; "
+                "see what holds it, and whether its motors turn"
             )
         return bool(self._reason)
+
+    def _give_up(self, reason: str) -> None:
+        """End with a reason, and with what the trials say of a battery that ran down."""
+        loss = find_loss_in(self.trials)
+        self._reason = f"{reason}; {describe_loss(*loss)}" if loss else reason
 
     def _primitive(self, number: int) -> LoggedTrial | None:
         goal = self._goals[self._reached]
@@ -177,7 +185,7 @@ class Journey:
         way = self._steersman.plan(where(self._last), goal)
         self._useless = 0 if self._helps(way, goal) else self._useless + 1
         if not way.steps or self._useless >= _USELESS_IN_A_ROW:
-            self._reason = "no movement of the repertoire brings the robot nearer; try more gaits by vvvaltr repertoire"
+            self._give_up("no movement of the repertoire brings the robot nearer; try more gaits by vvvaltr repertoire")
             return None
         movement, _ = way.steps[0]
         gait = self._steersman.gaits[movement]
@@ -224,7 +232,9 @@ class Journey:
         if trial.outcome is Outcome.INTERRUPTED:
             raise KeyboardInterrupt(trial.reason)
         self._failures = 0 if trial.outcome.is_valid else self._failures + 1
-        if self._failures >= _FAILURES_IN_A_ROW:
+        if trial.outcome is Outcome.FAULTED and LOW_SUPPLY in trial.reason:
+            self._reason = f"battery: {trial.reason}"
+        elif self._failures >= _FAILURES_IN_A_ROW:
             self._reason = (
                 f"{self._failures} primitives in a row failed, the last one so: {trial.outcome}: {trial.reason}"
             )

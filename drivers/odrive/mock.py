@@ -11,7 +11,7 @@ from vvvaltr.drivers.links.can import Frame
 from vvvaltr.drivers.mocking.can_adapter import BusPort, SlcanAdapter
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.port import PtyPort
-from vvvaltr.drivers.motor_line import WATCHDOG
+from vvvaltr.drivers.motor_line import LOW_SUPPLY, WATCHDOG
 from vvvaltr.drivers.odrive.protocol import ERRORS, AxisState, Message
 from vvvaltr.drivers.odrive.table import Firmware, OdriveLineTable, OdriveMotorTable
 from vvvaltr.drivers.registry import MockLine
@@ -165,7 +165,7 @@ class OdriveDevice:
         if fault.kind is Kind.STALL:
             axis.is_stalled = True
         elif fault.kind is Kind.ERROR:
-            axis.fail(axis.bit("supply voltage too low") if fault.code is None else fault.code & 0xFFFFFFFF)
+            axis.fail(axis.bit(LOW_SUPPLY) if fault.code is None else fault.code & 0xFFFFFFFF)
         elif fault.kind is Kind.SILENCE:
             self._is_silent = True
 

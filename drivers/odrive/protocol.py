@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from enum import IntEnum
 
 from vvvaltr.drivers.links.can import Frame
-from vvvaltr.drivers.motor_line import WATCHDOG
+from vvvaltr.drivers.motor_line import LOW_SUPPLY, WATCHDOG
 from vvvaltr.drivers.odrive.table import Firmware
 
 
@@ -51,7 +51,7 @@ class AxisState(IntEnum):
 
 _OLD_ERRORS = {
     0x00000001: "invalid state",
-    0x00000002: "supply voltage too low",
+    0x00000002: LOW_SUPPLY,
     0x00000004: "supply voltage too high",
     0x00000040: "motor failed",
     0x00000100: "encoder failed",
@@ -66,7 +66,7 @@ _NEW_ERRORS = {
     0x00000010: "bad configuration",
     0x00000020: "output stage failed",
     0x00000100: "supply voltage too high",
-    0x00000200: "supply voltage too low",
+    0x00000200: LOW_SUPPLY,
     0x00000400: "supply current too high",
     0x00001000: "current limit exceeded",
     0x00002000: "motor too hot",
@@ -82,7 +82,7 @@ ERRORS: Mapping[Firmware, Mapping[int, str]] = {Firmware.OLD: _OLD_ERRORS, Firmw
 
 _CURES = {
     WATCHDOG: "no command came in time; check the wiring of the bus, and end programs that keep this computer busy",
-    "supply voltage too low": "charge the battery, or check the supply and its cable",
+    LOW_SUPPLY: "charge the battery, or check the supply and its cable",
     "supply voltage too high": "check the supply, and the drive's brake resistor",
     "supply current too high": "let the motors turn freely, or raise the drive's limit of the supply current",
     "current limit exceeded": "let the motor turn freely, or check max_a in the robot's file",

@@ -1,5 +1,6 @@
 """`go` and `jog` on devices in real time: whatever happens, the motors are soon at rest."""
 
+import json
 import os
 import pty
 import signal
@@ -139,6 +140,20 @@ def test_what_is_lost_on_the_way_stops_the_motors_and_is_waited_for(
     outcomes = [logged.trial.outcome for logged in read_run(tmp_path / "g").trials]
     assert outcome in outcomes
     assert outcomes[-1] is Outcome.INTERRUPTED
+
+
+def test_a_device_with_a_flat_battery_ends_the_way(moves: Path, tmp_path: Path) -> None:
+    with (
+        MockProcess("odrive", tmp_path / "port", "--robot", "spatial") as mock,
+        going(mock, moves, tmp_path / "g") as program,
+    ):
+        mock.inject(Fault(kind=Kind.ERROR, at_s=0.0, duration_s=1.0))  # of the supply's voltage
+
+        assert rests_soon(mock)
+        out, _ = program.communicate(timeout=20)
+
+    assert program.returncode == 1
+    assert json.loads(out)["reason"].startswith("battery: ")
 
 
 def test_a_key_that_is_let_go_stops_the_motors(mock: MockProcess, moves: Path, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.loop.go import Ending, Journey
 from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.loop.steersman import Steersman
+from vvvaltr.drivers.motor_line import LOW_SUPPLY
 from vvvaltr.transfer.steering.planner import Border, Goal
 from vvvaltr.transfer.steering.repertoire import Repertoire, learn_repertoire
 
@@ -154,6 +155,29 @@ def test_what_keeps_failing_ends_the_way_with_its_reason(
     assert not ending.reached
     assert str(error) in ending.reason
     assert [logged.trial.outcome for logged in recorded[-3:]] == [outcome] * 3
+
+
+def test_a_flat_battery_ends_the_way_at_once(repertoire: Repertoire) -> None:
+    def run_down(robot: GlidingRobot) -> None:
+        if robot.t_s > 4.0 and robot.is_running:
+            raise DeviceFault("7", f"motor 2: {LOW_SUPPLY}; charge the battery")
+
+    ending, recorded = sent(GlidingRobot(watch=run_down), repertoire, Goal(0.3, 0.2))
+
+    assert ending.reason == f"battery: motor 2: {LOW_SUPPLY}; charge the battery"
+    assert [logged.trial.outcome.is_valid for logged in recorded[-2:]] == [True, False]
+
+
+def test_a_robot_that_has_become_weak_on_the_way_says_so(repertoire: Repertoire) -> None:
+    def weaken(robot: GlidingRobot) -> None:
+        share = 1.0 if robot.t_s < 60.0 else 0.3
+        robot.table = {gait: (share * v[0], share * v[1], share * v[2]) for gait, v in TABLE.items()}
+
+    ending, _ = sent(GlidingRobot(watch=weaken), repertoire, Goal(4.0, 0.0), budget_s=160.0)
+
+    assert ending.reason.startswith("not there after 160 s")
+    assert "the robot moves 0.3" in ending.reason
+    assert "battery" in ending.reason
 
 
 def test_an_interrupt_is_recorded_and_ends_the_way(repertoire: Repertoire) -> None:
