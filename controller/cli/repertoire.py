@@ -104,7 +104,7 @@ def _learn(run: RepertoireRun, arguments: Namespace) -> None:
 
 def _answer(path: Path, result: dict[str, Any], repertoire: Repertoire, picture: Path | None) -> Answer:
     if picture is not None:
-        from vvvaltr.controller.studies.repertoire_picture import draw_repertoire
+        from vvvaltr.controller.view.repertoire_picture import draw_repertoire
 
         draw_repertoire(repertoire, str(path), picture)
     lines = [

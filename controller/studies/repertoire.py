@@ -21,14 +21,12 @@ from vvvaltr.controller.loop.trial_runner import TrialCrashed, run_trial
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.runs.config import load_config
 from vvvaltr.controller.runs.log import read_run
+from vvvaltr.controller.runs.repertoire_file import SOURCE_NAME
 from vvvaltr.controller.studies.steering_run import (
-    SOURCE_NAME,
-    TABLE_NAME,
     SteeringRun,
     load_repertoire,
     sorted_runs,
     steering_config,
-    table_of,
 )
 from vvvaltr.transfer.steering.lacking import next_gait
 from vvvaltr.transfer.steering.repertoire import Repertoire, learn_repertoire
@@ -177,15 +175,6 @@ def describe(repertoire: Repertoire) -> dict[str, Any]:
             for movement in repertoire.movements
         ],
     }
-
-
-def save_table(run: SteeringRun, repertoire: Repertoire, name: str = TABLE_NAME) -> None:
-    """Write the movements beside the log, for people and other programs."""
-    import json
-
-    from vvvaltr.controller.core.disk import write_whole
-
-    write_whole(run.path / name, json.dumps(table_of(repertoire), indent=1) + "\n")
 
 
 def _check_range(rig: Rig, range_hz: tuple[float, float]) -> None:

@@ -9,23 +9,20 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
-import msgspec
-
 from vvvaltr import __version__
-from vvvaltr.controller.core.disk import new_folder, read_bytes, write_whole
+from vvvaltr.controller.core.disk import new_folder, write_whole
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import Gait, Quantity, Trial
+from vvvaltr.controller.core.values import Quantity, Trial
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import Rig, make_twin, open_rig
 from vvvaltr.controller.runs.config import RunConfig, load_config, resumed_config, save_config
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
+from vvvaltr.controller.runs.repertoire_file import SOURCE_NAME, read_repertoire, split_runs, table_of
 from vvvaltr.transfer.steering.passage import where
-from vvvaltr.transfer.steering.repertoire import LearnedMovement, Repertoire, learn_repertoire
-
-SOURCE_NAME, TABLE_NAME = "source.json", "repertoire.json"
+from vvvaltr.transfer.steering.repertoire import Repertoire, learn_repertoire
 
 
 class SteeringRun:
@@ -90,7 +87,7 @@ class SteeringRun:
     @property
     def source(self) -> Repertoire:
         """The repertoire that it began with. Raises UserError if the file is damaged."""
-        return _source(self.path / SOURCE_NAME)
+        return read_repertoire(self.path / SOURCE_NAME)
 
     def record(self, logged: LoggedTrial) -> None:
         """Keep a trial for good."""
@@ -133,39 +130,6 @@ def open_again(config: RunConfig, trials: Sequence[LoggedTrial]) -> Rig:
     return Rig(GuardedRobot(twin, Limits(twin.max_hz)), TrialSettings(), twin.range_hz)
 
 
-class _Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    frequency_hz: tuple[float, ...]
-    phase_rad: tuple[float, ...]
-    amplitude: tuple[float, ...]
-    velocity: tuple[float, float, float]
-    covariance: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-    scatter: tuple[float, float, float]
-    trials: int
-
-
-class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    movements: tuple[_Row, ...]
-    drift_m_s: tuple[float, float]
-    delay_s: float
-
-
-def table_of(repertoire: Repertoire) -> dict[str, Any]:
-    """Return a repertoire as plain data."""
-    rows = [
-        {
-            "frequency_hz": movement.gait.frequency_hz,
-            "phase_rad": movement.gait.phase_rad,
-            "amplitude": movement.gait.amplitude,
-            "velocity": movement.velocity.tolist(),
-            "covariance": movement.covariance.tolist(),
-            "scatter": movement.scatter.tolist(),
-            "trials": movement.trials,
-        }
-        for movement in repertoire.movements
-    ]
-    return {"movements": rows, "drift_m_s": repertoire.drift_m_s, "delay_s": repertoire.delay_s}
-
-
 def load_repertoire(paths: Sequence[Path]) -> Repertoire:
     """Return what the runs in ``paths`` tell of movements: what each began with, and its own trials, each counted once.
 
@@ -188,7 +152,7 @@ def load_sources(paths: Sequence[Path]) -> Repertoire:
     """Return what some runs began with, put together. Raises UserError if a file is damaged."""
     repertoire = Repertoire()
     for path in paths:
-        repertoire = repertoire.joined(_source(path / SOURCE_NAME))
+        repertoire = repertoire.joined(read_repertoire(path / SOURCE_NAME))
     return repertoire
 
 
@@ -203,40 +167,10 @@ def sorted_runs(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     return plain, [path for path in began if path.resolve() not in known]
 
 
-def split_runs(trials: Sequence[Trial]) -> list[list[Trial]]:
-    """Return the trials of each run of a log that holds several: where the numbers begin again, another run begins."""
-    runs: list[list[Trial]] = []
-    for trial in trials:
-        if not runs or trial.number <= runs[-1][-1].number:
-            runs.append([])
-        runs[-1].append(trial)
-    return runs
-
-
 def _check_motors(path: Path, trials: Sequence[Trial], known: Repertoire) -> None:
     counts = {trial.gait.motor_count for trial in trials} | {gait.motor_count for gait in known.gaits}
     if len(counts) > 1:
         raise UserError(f"{path}: gaits of {' and '.join(map(str, sorted(counts)))} motors do not make one repertoire")
-
-
-def _source(path: Path) -> Repertoire:
-    import numpy as np
-
-    try:
-        table = msgspec.json.decode(read_bytes(path), type=_Table)
-    except (msgspec.DecodeError, msgspec.ValidationError, OSError, RecursionError) as error:
-        raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None
-    movements = tuple(
-        LearnedMovement(
-            Gait(row.frequency_hz, row.phase_rad, row.amplitude),
-            np.array(row.velocity),
-            np.array(row.covariance),
-            np.array(row.scatter),
-            row.trials,
-        )
-        for row in table.movements
-    )
-    return Repertoire(movements, table.drift_m_s, table.delay_s)
 
 
 def _refuse_existing(path: Path) -> None:

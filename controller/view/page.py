@@ -48,14 +48,25 @@ def to_png(figure: Figure) -> bytes:
     return picture.getvalue()
 
 
+def to_svg(figure: Figure) -> bytes:
+    """Return a figure as lines, which stay sharp; the same figure gives the same bytes."""
+    from matplotlib import rc_context
+
+    drawing = BytesIO()
+    with rc_context({"svg.hashsalt": "vvvaltr"}):
+        figure.savefig(drawing, format="svg", metadata={"Date": None})
+    return drawing.getvalue()
+
+
 def write_figure(picture: bytes, caption: str, alternative: str = "") -> str:
-    """Return a picture (PNG) with its caption.
+    """Return a picture, PNG or SVG, with its caption.
 
     ``alternative`` says what is to be seen to those who cannot see it; the caption, where it is empty.
     """
     data = base64.b64encode(picture).decode()
+    kind = "png" if picture.startswith(b"\x89PNG") else "svg+xml"
     return (
-        f"<figure><img src='data:image/png;base64,{data}' alt='{escape(alternative or caption, quote=True)}'>"
+        f"<figure><img src='data:image/{kind};base64,{data}' alt='{escape(alternative or caption, quote=True)}'>"
         f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
 

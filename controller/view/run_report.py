@@ -16,6 +16,7 @@ from vvvaltr.controller.view import run_figures as figures
 from vvvaltr.controller.view.commands import write_learn_command, write_trial_command
 from vvvaltr.controller.view.page import to_png, write_figure, write_page, write_table
 from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, find_in_run
+from vvvaltr.controller.view.run_movements import write_movements
 from vvvaltr.controller.view.showing import name_run
 
 if TYPE_CHECKING:
@@ -32,7 +33,15 @@ def write_run_report(path: Path, page: Path) -> RunFindings:
     """
     found = find_in_run(path)
     title = name_run(path)
-    sections = (_head(found, title), _search(found), _trials(found), _robot(found), _transfer(found), _making(found))
+    sections = (
+        _head(found, title),
+        write_movements(found, path),
+        _search(found),
+        _trials(found),
+        _robot(found),
+        _transfer(found),
+        _making(found),
+    )
     write_whole(page, write_page(f"Run {title}", "\n".join(part for section in sections for part in section)))
     return found
 
