@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -45,6 +45,30 @@ def write_learn_command(config: RunConfig) -> str:
     for key in ("robot", "format", "seal"):
         del stored[key]
     return " ".join(["vvvaltr learn", *_write_robot(config), *_write_options(stored)])
+
+
+def write_making_command(config: RunConfig, goals: Sequence[Sequence[float | None]] = ()) -> str:
+    """Return the command that makes a run again, whichever made it; ``goals`` are those of a run of ``go``."""
+    robot = [*_write_robot(config), *_write_options({"seed": config.seed})]
+    moves = [f"--repertoire {shlex.quote(source)}" for source in config.sources]
+    match config.method:
+        case "repertoire" if config.sources:
+            return " ".join(["vvvaltr repertoire", *(f"--from {shlex.quote(source)}" for source in config.sources)])
+        case "repertoire":
+            asked = {"gaits": config.trials, "duration_s": config.duration_s, "range_hz": config.range_hz}
+            return " ".join(["vvvaltr repertoire", *robot, *_write_options(asked)])
+        case "go":
+            return " ".join(["vvvaltr go", *_write_goals(goals), *moves, *robot])
+        case "jog":
+            return " ".join(["vvvaltr jog", *moves, *robot])
+    return write_learn_command(config)
+
+
+def _write_goals(goals: Sequence[Sequence[float | None]]) -> list[str]:
+    if len(goals) != 1:
+        return ["--path FILE.csv"]
+    x_m, y_m, yaw_rad = goals[0]
+    return [f"{x_m:g}", f"{y_m:g}", *([] if yaw_rad is None else [f"--yaw {yaw_rad:g}"])]
 
 
 def _write_robot(config: RunConfig) -> list[str]:

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
 
+import msgspec
+
+from vvvaltr.controller.core.disk import read_bytes
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.runs.repertoire_file import known_in_run
 from vvvaltr.controller.view.page import to_svg, write_figure, write_table
@@ -22,11 +25,11 @@ def write_movements(found: RunFindings, path: Path) -> Iterator[str]:
 
     Args:
         found: what the run's trials say.
-        path: the run's folder.
+        path: the run's directory or log.
     """
     if found.config is None or found.config.method not in METHODS:
         return
-    known = known_in_run(path, [logged.trial for logged in found.run.trials])
+    known = known_in_run(path if path.is_dir() else path.parent, [logged.trial for logged in found.run.trials])
     if not known.movements:
         return
     yield "<h2>The movements</h2>"
@@ -35,6 +38,19 @@ def write_movements(found: RunFindings, path: Path) -> Iterator[str]:
     columns = ("gait (Hz)", "forward (mm/s)", "left (mm/s)", "turn to the left (degrees/s)", "trials")
     yield write_table("Each movement, fastest first, and what a single drive differs by", columns, rows)
     yield from _write_goals(found.run.trials)
+
+
+def read_goals(path: Path) -> tuple[tuple[float, float, float | None], ...]:
+    """Return x, y and heading of each goal of a run, a directory or a log; none where no file tells any."""
+    folder = path if path.is_dir() else path.parent
+    try:
+        return msgspec.json.decode(read_bytes(folder / "errand.json"), type=_Goals).goals
+    except (OSError, msgspec.DecodeError, msgspec.ValidationError, RecursionError):
+        return ()
+
+
+class _Goals(msgspec.Struct, frozen=True):
+    goals: tuple[tuple[float, float, float | None], ...]
 
 
 def _row(movement: LearnedMovement) -> tuple[str, ...]:

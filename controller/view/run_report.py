@@ -13,10 +13,10 @@ from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.values import Estimate, Gait
 from vvvaltr.controller.loop.summary import summarise, tell_causes
 from vvvaltr.controller.view import run_figures as figures
-from vvvaltr.controller.view.commands import write_learn_command, write_trial_command
+from vvvaltr.controller.view.commands import write_making_command, write_trial_command
 from vvvaltr.controller.view.page import to_png, write_figure, write_page, write_table
 from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, find_in_run
-from vvvaltr.controller.view.run_movements import write_movements
+from vvvaltr.controller.view.run_movements import read_goals, write_movements
 from vvvaltr.controller.view.showing import name_run
 
 if TYPE_CHECKING:
@@ -191,7 +191,8 @@ def _write_trust(hyperparameters: Mapping[str, float], place: int) -> str:
 def _making(found: RunFindings) -> Iterator[str]:
     yield "<h2>How it was made</h2>"
     if found.config is not None:
-        yield f"<p>The same again:</p><pre>{escape(write_learn_command(found.config))}</pre>"
+        command = write_making_command(found.config, read_goals(found.path))
+        yield f"<p>The same again:</p><pre>{escape(command)}</pre>"
     about = {"log": str(found.path), **found.run.about, "report by": f"vvvaltr {__version__}"}
     yield write_table("", ("what", "value"), list(about.items()))
 
