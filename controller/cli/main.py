@@ -22,7 +22,7 @@ from vvvaltr.controller.core.signals import interrupt_on_signals
 
 GROUPS = {
     "find a gait": ("learn", "trial", "compare", "landscape", "experiment"),
-    "drive the robot": ("repertoire", "go", "jog"),
+    "drive the robot": ("repertoire", "go", "jog", "stop"),
     "look at what was measured": ("runs", "show", "view", "report", "export", "import", "foxglove-layout"),
     "set a robot up": ("check", "calibrate", "camera", "track", "floor", "mock"),
     "this program": ("completion",),

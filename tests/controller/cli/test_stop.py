@@ -1,0 +1,53 @@
+"""`stop`: from another terminal, a run's motors come to rest and the run is saved."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from vvvaltr.controller.cli.main import main
+from vvvaltr.controller.runs.log import read_run
+from vvvaltr.controller.runs.underway import find_all
+from vvvaltr.drivers.mocking.process import MockProcess
+
+PROGRAM = (sys.executable, "-c", "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())")
+
+
+def test_a_run_is_stopped_from_another_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "run"
+    with MockProcess("node", tmp_path / "port") as mock:
+        command = [*PROGRAM, "learn", "--robot", mock.greeting.robot_file, "--duration", "30", "--out", str(out)]
+        with subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as run:
+            mock.wait_until(lambda it: not it.is_at_rest, 20.0)
+            assert str(out) in {each.what for each in find_all()}
+
+            assert main(["stop", str(out)]) == 0
+
+            assert mock.wait_until(lambda it: it.is_at_rest)
+            _, told = run.communicate(timeout=10)
+    assert run.returncode == 130
+    assert f"the run is saved, continue it by --resume {out}" in told
+    assert [logged.trial.outcome.value for logged in read_run(out).trials] == ["interrupted"]
+    assert str(out) in capsys.readouterr().out
+    assert main(["stop", str(out)]) == 1
+    assert f"{out} is not under way on this machine" in capsys.readouterr().err
+
+
+def test_a_run_that_does_not_exist_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["stop", str(tmp_path / "nothing")]) == 1
+
+    assert capsys.readouterr().err == (
+        f"vvvaltr: {tmp_path}/nothing: No such file or directory; name the directory of a run\n"
+    )
+
+
+def test_a_command_that_turns_motors_without_a_log_is_found(tmp_path: Path) -> None:
+    program = tmp_path / "vvvaltr"
+    program.write_text("import sys; sys.stdin.read()")
+    with subprocess.Popen([sys.executable, str(program), "calibrate", "qik0.toml"], stdin=subprocess.PIPE) as process:
+        found = {each.process: each.what for each in find_all()}
+        assert process.stdin is not None
+        process.stdin.close()
+
+    assert found[process.pid] == "vvvaltr calibrate"
