@@ -69,12 +69,16 @@ class Run:
                 pass
 
 
-def await_motion(device: ObservedDevice) -> None:
-    """Wait until a motor turns."""
+def await_motion(device: ObservedDevice, run: Run) -> None:
+    """Have the run go on, and wait until a motor turns: on a busy machine a trial may fail, and the run pause."""
     deadline_s = time.monotonic() + _PATIENCE_S
+    ask_s = 0.0
     while device.note().are_all_off:
         if time.monotonic() > deadline_s:
             raise TimeoutError("no motor has begun to turn")
+        if time.monotonic() > ask_s:
+            run.press(b"g")
+            ask_s = time.monotonic() + 1.0
         time.sleep(0.01)
 
 
@@ -85,13 +89,12 @@ def stops_ms(name: str, folder: Path, presses: int) -> dict[str, Any]:
     with ObservedDevice(name, folder / name) as device:
         run = Run(device.robot_file, folder / f"run-{name}")
         for _ in range(presses):
-            await_motion(device)
+            await_motion(device, run)
             time.sleep(dice.uniform(0.05, 0.4))
             pressed_s = run.press(b" ")
             times_ms.append(1000.0 * (device.rested_s(5.0) - pressed_s))
             time.sleep(0.1)
-            run.press(b"g")
-        await_motion(device)
+        await_motion(device, run)
         sent_s = run.interrupt()
         interrupt_ms = 1000.0 * (device.rested_s(5.0) - sent_s)
         run.end()

@@ -8,7 +8,6 @@ from itertools import pairwise
 from vvvaltr.controller.core.records import AppliedFrequencies, Displacement, Fit, LoggedTrial, Movement, Piece
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Pose, Recommendation, Suggestion, Trial
-from vvvaltr.transfer.causes.floor import cut
 
 
 def complete_record(
@@ -53,6 +52,8 @@ def resting_ends(trial: Trial) -> tuple[RestingPose, RestingPose] | None:
 
 def measure_pieces(trial: Trial) -> tuple[Piece, ...]:
     """Return the drive in pieces of about a second; none where the trial failed, or its poses do not make two."""
+    from vvvaltr.transfer.causes.floor import cut  # here, so that the command line's help need not wait for numpy
+
     return cut(trial.poses) if trial.outcome.is_valid else ()
 
 
