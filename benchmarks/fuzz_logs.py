@@ -17,15 +17,15 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
-from mcap.writer import CompressionType, Writer
 
 from vvvaltr.controller.cli.main import main as vvvaltr
 from vvvaltr.controller.runs.log import _KINDS, LOG_NAME
-from vvvaltr.controller.runs.schema.mcap_file import read_entries, register
+from vvvaltr.controller.runs.schema.mcap_file import describe, read_entries
+from vvvaltr.controller.runs.schema.mcap_writer import ChunkWriter, Stamped
 
 Entries = list[tuple[str, Message]]
 
@@ -55,14 +55,17 @@ def read(log: Path) -> Entries:
 def write(entries: Entries, log: Path) -> None:
     """Write messages as a run does, a chunk a trial."""
     with log.open("wb") as file:
-        writer = Writer(cast(Any, file), chunk_size=1 << 60, compression=CompressionType.NONE)
-        writer.start()
-        channels = {topic: register(writer, topic, kind) for topic, kind in _KINDS.items()}
+        writer = ChunkWriter(file)
+        channels = {
+            topic: writer.register(topic, kind.DESCRIPTOR.full_name, describe(kind)) for topic, kind in _KINDS.items()
+        }
+        together: list[Stamped] = []
         for topic, message in entries:
-            writer.add_message(channels[topic], 0, message.SerializeToString(), 0)
+            together.append(Stamped(channels[topic], 0, message.SerializeToString()))
             if topic in ("/run", "/trial"):
-                writer.flush()  # type: ignore[no-untyped-call]
-        writer.finish()  # type: ignore[no-untyped-call]
+                writer.write(together)
+                together = []
+        writer.finish()
 
 
 def places(message: Message, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

@@ -10,16 +10,16 @@ import os
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
-from typing import IO, Any, BinaryIO, Self, cast
+from typing import IO, BinaryIO, Self
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.message import Message
-from mcap.writer import CompressionType, Writer
 
 from vvvaltr import __version__
 from vvvaltr.controller.core.disk import open_plain, replacing, sync_folder
@@ -30,7 +30,8 @@ from vvvaltr.controller.runs.contents import FORMAT, Contents, nanoseconds
 from vvvaltr.controller.runs.schema import codec, drawing
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 from vvvaltr.controller.runs.schema.limits import MOST_LOG_BYTES
-from vvvaltr.controller.runs.schema.mcap_file import Entry, NewFile, lock, register
+from vvvaltr.controller.runs.schema.mcap_file import Entry, NewFile, describe, lock
+from vvvaltr.controller.runs.schema.mcap_writer import ChunkWriter, Stamped
 from vvvaltr.controller.runs.schema.trial_codec import encode_trial
 
 LOG_NAME = "trials.mcap"
@@ -55,10 +56,11 @@ class RunLog:
     def __init__(self, disk: NewFile, head: Run, begin_ns: int | None = None) -> None:
         self._disk = disk
         self._structure = head.structure
-        # Uncompressed, so that no file can unpack to more than its size; a chunk ends only where `_write` flushes it.
-        self._writer = Writer(cast(IO[Any], disk), chunk_size=1 << 60, compression=CompressionType.NONE)
-        self._writer.start()
-        self._channels = {topic: register(self._writer, topic, kind) for topic, kind in _KINDS.items()}
+        self._writer = ChunkWriter(disk)
+        self._channels = {
+            topic: self._writer.register(topic, kind.DESCRIPTOR.full_name, describe(kind))
+            for topic, kind in _KINDS.items()
+        }
         self._end_ns = 0  # of the last trial
         if begin_ns is None:
             begin_ns = nanoseconds(head.trials[0].trial.started_unix_s) if head.trials else time.time_ns()
@@ -99,10 +101,18 @@ class RunLog:
 
     @classmethod
     def recover(cls, path: Path, recordings: bool = True) -> tuple[Self, Run]:
-        """Open a finished or torn log for more trials, and return it with its contents, as ``read_run`` does.
+        """Open a finished or torn log for more trials, as ``recovering`` does, and return it with its contents."""
+        with cls.recovering(path, recordings) as found:
+            return found
 
-        The complete trials are written to a new file, which then takes the place of the old one in one step. Where the
-        old one ended in the middle of a trial, a copy of it is left beside the new one, with the ending ``.torn``.
+    @classmethod
+    @contextmanager
+    def recovering(cls, path: Path, recordings: bool = True) -> Iterator[tuple[Self, Run]]:
+        """Open a finished or torn log for more trials; yields it with its contents, as ``read_run`` returns them.
+
+        The complete trials are written to a new file, which takes the place of the old one in one step, once the body
+        of the ``with`` statement has ended well. Where the old one ended in the middle of a trial, a copy of it is left
+        beside the new one, with the ending ``.torn``.
 
         Raises:
             UserError: the file is not the log of a run, is damaged, or is being written by another process.
@@ -115,7 +125,7 @@ class RunLog:
             disk = NewFile(fresh)
             try:
                 contents = Contents(path, recordings)
-                log = cls._copying(disk, contents, file)
+                yield cls._copying(disk, contents, file), contents.run()
                 _keep_torn(file if contents.is_torn else None, path)
                 os.replace(fresh, path)
                 sync_folder(path)
@@ -123,7 +133,6 @@ class RunLog:
                 disk.close()
                 fresh.unlink(missing_ok=True)
                 raise
-        return log, contents.run()
 
     @classmethod
     def _copying(cls, disk: NewFile, contents: Contents, file: IO[bytes]) -> Self:
@@ -182,7 +191,7 @@ class RunLog:
         if self._disk.closed:
             return
         try:
-            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._writer.finish()
             self._disk.sync()
         finally:
             self._disk.close()
@@ -223,9 +232,8 @@ class RunLog:
 
     def _write(self, messages: Iterable[Entry]) -> None:
         """Write messages as one chunk."""
-        for topic, at_ns, payload in messages:
-            self._writer.add_message(self._channels[topic], at_ns, payload, at_ns)
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        channels = self._channels
+        self._writer.write(Stamped(channels[topic], at_ns, payload) for topic, at_ns, payload in messages)
 
 
 def _entry(topic: str, at_ns: int, message: Message) -> Entry:

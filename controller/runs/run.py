@@ -87,17 +87,15 @@ class RunDirectory:
         refuse_difference(stored, asked)
         config = resumed_config(path, stored, named)
         config = msgspec.structs.replace(config, trials=asked.get("trials", stored.trials))
-        before = read_run(path / LOG_NAME, recordings=False)
-        sources = before.sources
         with _blame(path / "run.toml"):
             _make_budget(config)
-            rig = reopen_rig(config, before.trials)
         with ExitStack() as undo:
-            undo.callback(rig.robot.close)
-            with _blame(path / "run.toml"):
+            with RunLog.recovering(path / LOG_NAME, recordings=False) as (log, logged), _blame(path / "run.toml"):
+                rig = reopen_rig(config, logged.trials)
+                undo.callback(rig.robot.close)
                 _check_motors(config, rig, str)
-                optimizer = build_optimizer(config, rig.robot.motors.motor_count, sources)
-            log, logged = RunLog.recover(path / LOG_NAME, recordings=False)
+                optimizer = build_optimizer(config, rig.robot.motors.motor_count, logged.sources)
+            undo.callback(log.close)
             if config != stored:
                 save_config(config, path / "run.toml")
             undo.pop_all()

@@ -18,8 +18,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk
-from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import MCAP0_MAGIC, Writer
+from mcap.writer import MCAP0_MAGIC
 
 from vvvaltr.controller.core.errors import UserError
 
@@ -109,15 +108,14 @@ def lock(file: IO[bytes] | FileIO, path: Path) -> None:
         pass  # a file system without locks; the log itself needs none
 
 
-def register(writer: Writer, topic: str, kind: type[Protobuf]) -> int:
-    """Open a topic for one kind of message, and return its channel."""
+def describe(kind: type[Protobuf]) -> bytes:
+    """Return the schema of one kind of message, with all that it imports."""
     files: dict[str, FileDescriptor] = {}
     _collect(cast(FileDescriptor, kind.DESCRIPTOR.file), files)
     schema = FileDescriptorSet()
     for file in files.values():
         file.CopyToProto(schema.file.add())
-    number = writer.register_schema(kind.DESCRIPTOR.full_name, SchemaEncoding.Protobuf, schema.SerializeToString())
-    return writer.register_channel(topic, MessageEncoding.Protobuf, number)
+    return schema.SerializeToString()
 
 
 def _collect(file: FileDescriptor, files: dict[str, FileDescriptor]) -> None:

@@ -7,15 +7,18 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.message import Message
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 from sample_run import SOURCE, STRUCTURE, logged_trial, sample_run
 from scipy.spatial.transform import Rotation
@@ -50,7 +53,8 @@ from vvvaltr.controller.core.values import (
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run, read_trials
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
-from vvvaltr.controller.runs.schema.mcap_file import NewFile, register
+from vvvaltr.controller.runs.schema.mcap_file import NewFile, describe
+from vvvaltr.controller.runs.schema.mcap_writer import ChunkWriter, Stamped
 from vvvaltr.controller.runs.schema.trial_codec import decode_trial
 
 RUN = sample_run()
@@ -219,6 +223,32 @@ def test_any_mcap_program_can_decode_every_message_from_the_schemas_in_the_file(
     assert seen["/robot/pose"].frame_id == "world"
 
 
+def test_a_file_is_byte_for_byte_what_the_library_would_have_written() -> None:
+    kinds = {"/run": pb.Run, "/trial": pb.Trial}
+    chunks = [[(1, 70, b"run")], [(2, 90, b"a"), (1, 80, b""), (2, 80, b"long" * 99)], [(2, 95, b"last")]]
+    ours, theirs = BytesIO(), BytesIO()
+
+    writer = ChunkWriter(ours)
+    for topic, kind in kinds.items():
+        writer.register(topic, kind.DESCRIPTOR.full_name, describe(kind))
+    writer.add_metadata("vvvaltr", {"version": "1", "robot": "planar"})
+    for chunk in chunks:
+        writer.write(Stamped(*message) for message in chunk)
+    writer.finish()
+
+    library = Writer(theirs, chunk_size=1 << 60, compression=CompressionType.NONE)
+    library.start()
+    for topic, kind in kinds.items():
+        register(library, topic, kind)
+    library.add_metadata("vvvaltr", {"version": "1", "robot": "planar"})
+    for chunk in chunks:
+        for channel, time_ns, payload in chunk:
+            library.add_message(channel, time_ns, payload, time_ns)
+        library.flush()
+    library.finish()
+    assert ours.getvalue() == theirs.getvalue()
+
+
 def test_the_compiled_schema_is_that_of_the_proto_file() -> None:
     text = Path(pb.__file__).with_name("vvvaltr.proto").read_text()
     written = {
@@ -357,6 +387,12 @@ def test_a_file_that_holds_no_run_is_refused_by_name(tmp_path: Path, content: by
 def test_a_missing_run_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="nowhere: No such file"):
         read_run(tmp_path / "nowhere")
+
+
+def register(writer: Writer, topic: str, kind: type[Message]) -> int:
+    """Open a channel by the library."""
+    schema = writer.register_schema(kind.DESCRIPTOR.full_name, SchemaEncoding.Protobuf, describe(kind))
+    return writer.register_channel(topic, MessageEncoding.Protobuf, schema)
 
 
 def foreign(path: Path, topic: str, message: object, compression: CompressionType = CompressionType.NONE) -> Path:
