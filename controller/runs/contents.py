@@ -55,8 +55,10 @@ class Contents:
         messages: list[Entry] = []
         try:
             for entry in read_entries(file):
-                self._take(entry)
                 messages.append(entry)
+                if entry.topic in _RECORDINGS and not self._needs_recordings:
+                    continue
+                self._take(entry)
                 if entry.topic == "/trial":
                     yield messages
                     self._drop_recordings()
@@ -75,8 +77,6 @@ class Contents:
         """Add one message. What other programs have put on topics of their own is passed over."""
         topic, payload = entry.topic, entry.payload
         check_size(topic, payload)
-        if topic in _RECORDINGS and not self._needs_recordings:
-            return
         match topic:
             case "/run":
                 self.begin_ns = entry.log_time_ns

@@ -203,15 +203,18 @@ def _unpack(chunk: Chunk, topics: dict[int, str]) -> list[Entry]:
 
 def _split(data: bytes, topics: dict[int, str]) -> list[Entry]:
     """Return the messages in some records, and note the topics of the channels in them."""
-    found, at = [], 0
-    while at < len(data):
-        kind, length = _RECORD.unpack_from(data, at)
-        begin, at = at + _RECORD.size, at + _RECORD.size + length
-        if at > len(data):
+    found, at, size = [], 0, len(data)
+    head, message_head = _RECORD.size, _MESSAGE.size
+    read_record, read_message, message = _RECORD.unpack_from, _MESSAGE.unpack_from, int(Opcode.MESSAGE)
+    while at < size:
+        kind, length = read_record(data, at)
+        begin = at + head
+        at = begin + length
+        if at > size:
             raise McapError("a record that is longer than its chunk")
-        if kind == Opcode.MESSAGE:
-            channel, _, log_time_ns, _ = _MESSAGE.unpack_from(data, begin)
-            found.append(Entry(topics[channel], log_time_ns, data[begin + _MESSAGE.size : at]))
+        if kind == message:
+            channel, _, log_time_ns, _ = read_message(data, begin)
+            found.append(Entry(topics[channel], log_time_ns, data[begin + message_head : at]))
         elif kind == Opcode.CHANNEL:
             inner = Channel.read(ReadDataStream(BytesIO(data[begin:at])))
             topics[inner.id] = inner.topic
