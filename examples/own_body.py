@@ -16,7 +16,7 @@ body = replace(prism, name="two-motor prism", springs=(*stiff, *prism.springs[3:
 
 twin = TwinRobot(PlanarEngine(body, World(friction=0.7)), (4.0, 16.7), seed=1, scatter=Scatter())
 robot = vvvaltr.GuardedRobot(twin, vvvaltr.Limits(twin.max_hz))
-optimizer = vvvaltr.make_optimizer("plain", vvvaltr.GaitSpace.over(2, 4.0, 16.7), seed=1)
+optimizer = vvvaltr.make_optimizer("drive", vvvaltr.GaitSpace.over(2, 4.0, 16.7), seed=1)
 for logged in vvvaltr.learn(robot, optimizer, trials=12, duration_s=3.0):
     if logged.score is not None:  # a trial that failed has none
         print(f"trial {logged.trial.number:2}: {logged.trial.gait}: {1000 * logged.score:.1f} mm/s")

@@ -10,7 +10,7 @@ RUN = Path("runs/example")
 
 if not RUN.exists():
     with vvvaltr.open_robot("planar", seed=2) as robot:
-        optimizer = vvvaltr.make_optimizer("plain", robot.space, seed=2)
+        optimizer = vvvaltr.make_optimizer("drive", robot.space, seed=2)
         for _ in vvvaltr.learn(robot, optimizer, trials=25, out=RUN):
             pass
 

@@ -41,7 +41,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
     add_trial_arguments(parser)
     group = parser.add_argument_group("learning")
     group.add_argument("--trials", type=whole(1), metavar="N", help="number of valid trials (default 40)")
-    group.add_argument("--method", metavar="NAME", help="optimiser (default plain; with --source guarded)")
+    group.add_argument("--method", metavar="NAME", help="optimiser (default drive; with --source guarded)")
     group.add_argument("--source", action="append", metavar="RUN", help="earlier run to learn from; repeatable")
     group.add_argument("--optimise", type=one_of("frequency", "phase", "amplitude"), metavar="WHAT,...",
                        help="quantities to search: frequency, phase, amplitude (default frequency)")  # fmt: skip

@@ -227,7 +227,7 @@ def _begin(path: Path, config: RunConfig, head: Run) -> RunLog:
 def _complete(asked: dict[str, Any], rig: Rig) -> RunConfig:
     """Return the complete configuration: the user's choices, and defaults for the rest."""
     usual = {
-        "method": "guarded" if asked.get("sources") else "plain",
+        "method": "guarded" if asked.get("sources") else "drive",
         "sources": (),
         "seed": 0,
         "trials": 40,

@@ -132,7 +132,7 @@ def log_h(z: Array) -> tuple[Array, Array]:
     return log_value, slope
 
 
-def maximise(acquisition: Acquisition, around: Array, rng: np.random.Generator) -> Array:
+def maximise(acquisition: Acquisition, around: Array, rng: np.random.Generator, bounds: int = 0) -> Array:
     """Return the place (d,) of the unit cube where an acquisition is greatest, as far as a short search finds it.
 
     The search scans random places, some of them near the places ``around``, and then climbs from the best of them.
@@ -141,12 +141,25 @@ def maximise(acquisition: Acquisition, around: Array, rng: np.random.Generator) 
         acquisition: quantity to maximise.
         around: promising places (k, d), k >= 1. They are candidates themselves, moved into the cube where outside it.
         rng: random stream of the places to scan.
+        bounds: number of the random places that lie on the cube's faces, edges and corners; see ``places_on_bounds``.
     """
     dimension = around.shape[1]
     near = around[rng.integers(len(around), size=NEAR_PLACES)] + rng.normal(0.0, NEAR_SD, (NEAR_PLACES, dimension))
-    candidates = np.clip(np.concatenate([around, near, rng.random((SCAN_PLACES, dimension))]), 0.0, 1.0)
+    candidates = np.clip(np.concatenate([around, near, rng.random((SCAN_PLACES - bounds, dimension))]), 0.0, 1.0)
+    if bounds:
+        candidates = np.concatenate([candidates, places_on_bounds(bounds, dimension, rng)])
     order = np.argsort(-acquisition.value(candidates), kind="stable")
     return _ascend(acquisition, candidates[order[:ASCENT_STARTS]])
+
+
+def places_on_bounds(count: int, dimension: int, rng: np.random.Generator) -> Array:
+    """Return random places (count, d) on the unit cube's boundary: a third on faces, a third on edges, then corners.
+
+    So many parameters are at a bound, drawn at random: one on a face, all but one on an edge, all in a corner.
+    """
+    x, free = rng.random((count, dimension)), np.resize([dimension - 1, 1, 0], count)
+    at_bound = rng.random((count, dimension)).argsort(axis=1).argsort(axis=1) >= free[:, None]
+    return np.where(at_bound, np.round(x), x)
 
 
 def _ascend(acquisition: Acquisition, x: Array) -> Array:

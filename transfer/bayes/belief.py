@@ -40,6 +40,7 @@ class Belief:
         seen: places (k, d), k >= 1, whose scores the posterior rests on.
         hyperparameters: hyperparameters by name, in natural units, for log and screen.
         fitted: what learning goes on from after the next trial; None where it begins anew.
+        bounds: number of the places that a search for the best place scans which lie on the cube's boundary.
     """
 
     posterior: Posterior
@@ -48,6 +49,7 @@ class Belief:
     seen: Array
     hyperparameters: Mapping[str, float]
     fitted: Fitted | None = None
+    bounds: int = 0
 
     @classmethod
     def of(cls, process: GaussianProcess, scale: Scale, space: GaitSpace, fitted: Fitted | None = None) -> Belief:

@@ -98,8 +98,10 @@ class Improbability:
         by_length = length_factors(hyperparameters) * (self.squares @ (sensitivity.ravel() * rise))
         by_noise = hyperparameters.noise_variance * float(sensitivity.diagonal() @ observations.share)
         by_given = float(sensitivity.diagonal() @ observations.given)
-        # Scaling the whole covariance would give n - misfit; all of it but the noise scales with the signal variance.
+        # Scaling the whole covariance would give n - misfit; all but noise and trend scales with the signal variance.
         by_signal = len(observations.y) - misfit - by_noise - by_given
+        if observations.trend is not None:
+            by_signal -= float((sensitivity * observations.of_trend()).sum())
         gradient = 0.5 * np.append(by_length, [by_signal, by_noise])
         return value + 0.5 * float(standardised @ standardised), gradient * self.prior.sd + standardised
 
@@ -113,7 +115,10 @@ class Improbability:
         covariance, rise = covariance_of(self.observations, hyperparameters, self.squares)
         learned = np.diag(self.observations.share * hyperparameters.noise_variance)
         by_length = (length_factors(hyperparameters)[:, None] * self.squares * rise).reshape(-1, places, places)
-        derivatives = np.concatenate([by_length, [covariance - np.diag(self.observations.given) - learned, learned]])
+        by_signal = covariance - np.diag(self.observations.given) - learned
+        if self.observations.trend is not None:
+            by_signal -= self.observations.of_trend()
+        derivatives = np.concatenate([by_length, [by_signal, learned]])
         relative = np.linalg.inv(covariance) @ derivatives
         turned = relative.transpose(0, 2, 1).reshape(len(relative), -1)
         information = 0.5 * relative.reshape(len(relative), -1) @ turned.T

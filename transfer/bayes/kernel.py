@@ -27,6 +27,7 @@ class Observations:
         share: factor (n,) of the learned noise variance in each value's noise variance.
         coupling: correlation (n, n), at one place, between the functions that two values belong to; 1 for one function.
         loading: correlation (n,), at one place, between the function that a value belongs to and the one to predict.
+        trend: trends (n, t) at the places, each times the standard deviation of its unknown coefficient; None for none.
     """
 
     x: Array
@@ -35,6 +36,7 @@ class Observations:
     share: Array
     coupling: Array | float = 1.0
     loading: Array | float = 1.0
+    trend: Array | None = None
 
     @classmethod
     def alike(cls, x: Array, y: Array) -> Observations:
@@ -51,7 +53,13 @@ class Observations:
         """Return all but the values of the first observations."""
         everywhere = np.broadcast_to(self.coupling, (len(self.y), len(self.y)))
         loading = np.broadcast_to(self.loading, len(self.y))
-        return [self.x[:count], self.given[:count], self.share[:count], loading[:count], everywhere[:count, :count]]
+        trend = np.empty((count, 0)) if self.trend is None else self.trend[:count]
+        noise = [self.given[:count], self.share[:count]]
+        return [self.x[:count], *noise, loading[:count], everywhere[:count, :count], trend]
+
+    def of_trend(self) -> Array | float:
+        """Return the part (n, n) of the covariance that is due to the coefficients of the trends."""
+        return 0.0 if self.trend is None else np.asarray(self.trend @ self.trend.T)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +107,8 @@ def covariance_of(observations: Observations, hyperparameters: Hyperparameters, 
     covariance = hyperparameters.signal_variance * coupling * correlation.reshape(places, places)
     noise = observations.given + observations.share * hyperparameters.noise_variance
     covariance.ravel()[:: places + 1] += JITTER * hyperparameters.signal_variance + noise
+    if observations.trend is not None:
+        covariance += observations.of_trend()
     return covariance, (coupling * rise.reshape(places, places)).ravel()
 
 
@@ -109,7 +119,11 @@ def covariance_of_row(observations: Observations, hyperparameters: Hyperparamete
     coupling = np.broadcast_to(observations.coupling, (len(observations.y), len(observations.y)))[row, :row]
     signal = hyperparameters.signal_variance
     noise = observations.given[row] + observations.share[row] * hyperparameters.noise_variance
-    return signal * coupling * correlation, float(signal + JITTER * signal + noise)
+    covariance, variance = signal * coupling * correlation, float(signal + JITTER * signal + noise)
+    if observations.trend is None:
+        return covariance, variance
+    before, here = observations.trend[:row], observations.trend[row]
+    return covariance + before @ here, variance + float(here @ here)
 
 
 def matern(squares: Array) -> tuple[Array, Array]:

@@ -52,7 +52,7 @@ def maximise_improvement(belief: Belief, rng: np.random.Generator) -> Proposal:
     """Return the place with the greatest expected improvement over the expected best of the places seen."""
     incumbent = expected_best(belief, rng)
     acquisition = LogExpectedImprovement(belief.posterior, incumbent, belief.noise_variance)
-    x = maximise(acquisition, belief.promising(), rng)
+    x = maximise(acquisition, belief.promising(), rng, belief.bounds)
     improvement = belief.scale.unit(incumbent) * math.exp(acquisition.value(x[None, :])[0])
     return Proposal(x, "expected improvement", improvement)
 

@@ -217,7 +217,8 @@ class Search:
     def _best(self) -> Array:
         """Return the place (d,) of the greatest posterior mean."""
         belief = self._told()
-        return maximise(PosteriorMean(belief.posterior), belief.promising(), self._stream("recommendation"))
+        rng = self._stream("recommendation")
+        return maximise(PosteriorMean(belief.posterior), belief.promising(), rng, belief.bounds)
 
     def _told(self) -> Belief:
         if self._belief is None or not len(self._trials):

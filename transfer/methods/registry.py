@@ -11,6 +11,7 @@ from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.core.values import GaitSpace, Source
 from vvvaltr.transfer.methods import (
+    drive,
     efficient_bo,
     guarded,
     icm,
@@ -23,6 +24,7 @@ from vvvaltr.transfer.methods import (
 from vvvaltr.transfer.methods.method import Method
 
 BUILT_IN = (
+    drive.METHOD,
     plain_bo.METHOD,
     efficient_bo.METHOD,
     guarded.METHOD,

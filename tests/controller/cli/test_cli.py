@@ -58,7 +58,7 @@ def test_learn_ends_with_one_json_object_that_is_also_the_summary(
     assert status == 0
     assert found == json.loads((tmp_path / "run" / "summary.json").read_text())
     assert found["run"] == str(tmp_path / "run")
-    assert (found["robot"], found["method"], found["trials"]) == ("planar", "plain", 9)
+    assert (found["robot"], found["method"], found["trials"]) == ("planar", "drive", 9)
     assert found["outcomes"] == {"completed": 9}
     assert set(found["best_observed"]) == {"trial", "gait_hz", "score_m_s"}
     assert set(found["recommended"]) == {"gait_hz", "mean_m_s", "low_m_s", "high_m_s"}

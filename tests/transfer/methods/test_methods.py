@@ -25,7 +25,7 @@ def test_every_method_asks_learns_and_recommends(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "sources", "message"),
     [
-        ("magic", [], "unknown method 'magic'; choose one of plain, efficient"),
+        ("magic", [], "unknown method 'magic'; choose one of drive, plain"),
         ("efficient", [], "method 'efficient' learns from an earlier run: give it a source"),
         ("plain", [SOURCE], "method 'plain' takes no source: leave the source out, or choose one of efficient"),
         (

@@ -1,0 +1,138 @@
+"""The default without a source: what it expects of a robot's drive, and that data decide about it."""
+
+import numpy as np
+import pytest
+
+from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity
+from vvvaltr.transfer.bayes.drive import Drive
+from vvvaltr.transfer.bayes.driven import Driven
+from vvvaltr.transfer.bayes.trials import Trials
+from vvvaltr.transfer.methods.drive import DriveBO, Hypotheses, learn_driven
+from vvvaltr.transfer.methods.plain_bo import INITIAL_TRIALS, PlainBO
+
+SIGNED = GaitSpace.over(3, -16.0, 16.0)
+ONE_SENSE = GaitSpace.over(3, 4.0, 16.0)
+AMPLITUDES = GaitSpace.over(2, -16.0, 16.0, (Quantity.FREQUENCY, Quantity.AMPLITUDE))
+PHASES = GaitSpace.over(2, 0.0, 1.0, (Quantity.PHASE,))
+
+
+def shaken(gait: Gait, dead_hz: float = 10.0) -> float:
+    """Speed in m/s: what all motors together have beyond a dead zone, faster with the first motor backwards."""
+    beyond = np.maximum(np.abs(gait.frequency_hz) - dead_hz, 0.0)
+    return float(0.002 * beyond.sum() * (1.5 if gait.frequency_hz[0] < 0.0 else 1.0))
+
+
+def search(optimizer: DriveBO | PlainBO, trials: int, scatter: float = 0.1) -> list[Gait]:
+    rng, gaits = np.random.default_rng(4), []
+    for _ in range(trials):
+        gaits.append(optimizer.ask().gait)
+        optimizer.tell(gaits[-1], shaken(gaits[-1]) * float(np.exp(scatter * rng.normal())))
+    return gaits
+
+
+@pytest.mark.parametrize("space", [SIGNED, ONE_SENSE])
+def test_the_first_gait_has_all_motors_at_full_speed_and_says_why(space: GaitSpace) -> None:
+    suggestion = DriveBO(space, 2).ask()
+    assert np.abs(suggestion.gait.frequency_hz) == pytest.approx(16.0)
+    assert suggestion.origin == "strongest drive"
+
+
+def test_from_the_second_trial_on_gaits_are_chosen_for_the_gain_expected_of_them() -> None:
+    optimizer = DriveBO(SIGNED, 2)
+    search(optimizer, 1)
+    assert optimizer.ask().origin == "expected improvement"
+
+
+def test_the_first_five_gaits_of_a_shaken_robot_are_twice_as_fast_as_those_of_plain_bo() -> None:
+    ours, plain = (search(optimizer, 5) for optimizer in (DriveBO(SIGNED, 3), PlainBO(SIGNED, 3)))
+    assert sum(map(shaken, ours)) > 2.0 * sum(map(shaken, plain))
+
+
+def test_a_best_gait_in_a_corner_of_the_space_is_recommended_exactly() -> None:
+    optimizer = DriveBO(SIGNED, 3)
+    search(optimizer, 12)
+    assert np.abs(optimizer.recommend().gait.frequency_hz) == pytest.approx(16.0)
+
+
+def belief_of(x: np.ndarray, scores: np.ndarray, space: GaitSpace = SIGNED) -> dict[str, float]:
+    belief = learn_driven(space, Drive.of(space), Trials(x, scores), None, np.random.default_rng(0))
+    return dict(belief.hyperparameters)
+
+
+def test_data_decide_whether_more_drive_moves_more() -> None:
+    x = np.random.default_rng(5).random((25, 3))
+    drive = Drive.of(SIGNED).view(x, np.zeros(1)).trend[0]
+    assert belief_of(x, 1.0 + drive)["drive"] > 0.7
+    assert belief_of(x, 1.0 - drive)["drive"] < -0.2
+
+
+def test_data_decide_how_wide_the_dead_zone_is() -> None:
+    x = np.random.default_rng(5).random((40, 3))
+    gaits = [SIGNED.from_unit(place) for place in x]
+    wide, none = (np.array([shaken(gait, dead_hz) for gait in gaits]) for dead_hz in (11.2, 0.0))
+    assert belief_of(x, wide)["dead_zone_hz"] >= 8.0
+    assert belief_of(x, none)["dead_zone_hz"] <= 4.8
+
+
+def test_amplitudes_count_and_phases_do_not() -> None:
+    loud, faint = (AMPLITUDES.to_unit(Gait((16.0, 16.0), (), (share, share))) for share in (1.0, 0.25))
+    trend = Drive.of(AMPLITUDES).view(np.array([loud, faint]), np.zeros(1)).trend[0]
+    assert trend == pytest.approx([3.0 * (1.0 - 0.4), 3.0 * (0.25 - 0.4)])
+    assert not Drive.of(PHASES).has_meaning
+
+
+def test_where_a_drive_has_no_meaning_the_first_trials_are_spread_out_as_in_plain_bo() -> None:
+    optimizer, plain = DriveBO(PHASES, 6), PlainBO(PHASES, 6)
+    for trial in range(INITIAL_TRIALS + 3):
+        suggestion = optimizer.ask()
+        assert (suggestion.gait == plain.ask().gait) == (trial < INITIAL_TRIALS)
+        for each in (optimizer, plain):
+            each.tell(suggestion.gait, float(np.cos(suggestion.gait.phase_rad[0])))
+    assert "drive" not in optimizer.ask().hyperparameters
+    assert DriveBO(SIGNED, 6, has_drive=False).ask().origin == "initial design"
+
+
+@pytest.mark.parametrize("space", [SIGNED, ONE_SENSE, AMPLITUDES, PHASES])
+def test_the_gradients_of_a_mixture_equal_finite_differences(space: GaitSpace) -> None:
+    rng, drive = np.random.default_rng(7), Drive.of(space)
+    x = rng.random((14, space.dimension))
+    belief = learn_driven(space, drive, Trials(x, rng.random(14)), None, rng)
+    posterior, step = belief.posterior, 1e-6
+    assert isinstance(posterior, Driven)
+    places = rng.random((5, space.dimension))
+    mean, variance, mean_slope, variance_slope = posterior.predict_with_gradient(places)
+    assert np.array([mean, variance]) == pytest.approx(np.array(posterior.predict(places)))
+    assert posterior.predict_mean(places) == pytest.approx(mean)
+    assert np.array_equal(posterior.predict_mean_with_gradient(places)[1], mean_slope)
+    for j, shift in enumerate(step * np.eye(space.dimension)):
+        ahead, behind = np.array(posterior.predict(places + shift)), np.array(posterior.predict(places - shift))
+        by_mean, by_variance = (ahead - behind) / (2.0 * step)
+        assert mean_slope[:, j] == pytest.approx(by_mean, abs=1e-6)
+        assert variance_slope[:, j] == pytest.approx(by_variance, abs=1e-6)
+
+
+def test_the_mixture_has_the_moments_of_its_hypotheses() -> None:
+    rng, drive = np.random.default_rng(8), Drive.of(SIGNED)
+    belief = learn_driven(SIGNED, drive, Trials(rng.random((6, 3)), rng.random(6)), None, rng)
+    posterior, x = belief.posterior, rng.random((4, 3))
+    assert isinstance(posterior, Driven) and len(posterior.chance) > 1
+    alone = [
+        Driven(drive, np.ones((1, 1)), *(getattr(posterior, name)[i : i + 1] for name in Driven.__slots__[2:]))
+        for i in range(len(posterior.chance))
+    ]
+    means, variances = (np.array(part) for part in zip(*(each.predict(x) for each in alone), strict=True))
+    mean, variance = posterior.predict(x)
+    assert mean == pytest.approx((posterior.chance * means).sum(axis=0))
+    assert variance == pytest.approx((posterior.chance * (variances + means**2)).sum(axis=0) - mean**2)
+
+
+def test_hypotheses_that_are_extended_are_those_conditioned_on_all_trials() -> None:
+    rng, drive = np.random.default_rng(9), Drive.of(SIGNED)
+    rows = Trials(rng.random((9, 3)), rng.random(9))
+    belief = learn_driven(SIGNED, drive, rows, None, rng)
+    fitted = belief.fitted
+    assert fitted is not None
+    first = Hypotheses.condition(drive, rows.part(slice(6)), belief.scale, fitted.hyperparameters, ())
+    longer = Hypotheses.condition(drive, rows, belief.scale, fitted.hyperparameters, first.processes)
+    anew = Hypotheses.condition(drive, rows, belief.scale, fitted.hyperparameters, ())
+    assert longer.chances() == pytest.approx(anew.chances(), rel=1e-9)

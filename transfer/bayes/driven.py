@@ -1,0 +1,166 @@
+"""A mixture of Gaussian processes with a trend of the drive, one for each hypothesis, computed in one batch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vvvaltr.controller.core.arrays import Array
+from vvvaltr.transfer.bayes.drive import Drive
+from vvvaltr.transfer.bayes.gp import BLOCK_PLACES, GaussianProcess, blocks
+from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations, matern
+from vvvaltr.transfer.bayes.scale import Scale
+from vvvaltr.transfer.bayes.trials import Trials
+
+RISE, RISE_SD = 0.5, 0.7
+"""Prior of the coefficient of the drive's trend, in standard deviations of the scores: its mean and deviation."""
+
+LEVEL_SD = 0.5
+"""Standard deviation of the mean score, whose prior mean is 0."""
+
+
+def observe_drive(drive: Drive, trials: Trials, scale: Scale, dead_zone: float) -> Observations:
+    """Return trials as observations of what the drive leaves to explain, at places without the dead zone."""
+    view = drive.view(trials.x, np.array([dead_zone]))
+    rise = view.trend[0]
+    return Observations(
+        x=view.warped[0],
+        y=scale.standardise(trials.scores) - RISE * rise,
+        given=np.zeros(len(trials)),
+        share=trials.shares,
+        trend=np.stack([RISE_SD * rise, np.full(len(trials), LEVEL_SD)], axis=1),
+    )
+
+
+def rise_of(process: GaussianProcess) -> float:
+    """Return the expected coefficient of the drive's trend."""
+    assert process.observations.trend is not None
+    return RISE + RISE_SD * float(process.observations.trend[:, 0] @ process.weights)
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """The posterior of h hypotheses, one of which is right. All arrays have the hypotheses first.
+
+    Args:
+        drive: drive of the space.
+        chance: probability (h, 1) of each hypothesis.
+        dead_zones: dead zone (h,) of each.
+        x: places (h, n, d) of the observations without the dead zone, in length scales.
+        length: length scales (h, 1, d).
+        signal: signal variances (h, 1).
+        trend: trends (h, n, t) of the observations.
+        inverse_root, weights: those of the processes, (h, n, n) and (h, n).
+    """
+
+    drive: Drive
+    chance: Array
+    dead_zones: Array
+    x: Array
+    length: Array
+    signal: Array
+    trend: Array
+    inverse_root: Array
+    weights: Array
+
+    @classmethod
+    def of(
+        cls, drive: Drive, chance: Array, dead_zones: Sequence[float], processes: Sequence[GaussianProcess]
+    ) -> Driven:
+        """Return the mixture of processes of ``observe_drive``, each with its probability (h,) and its dead zone."""
+        fitted: list[Hyperparameters] = [process.hyperparameters for process in processes]
+        length = np.array([each.length_scale for each in fitted])[:, None, :]
+        return cls(
+            drive,
+            chance[:, None],
+            np.array(dead_zones),
+            np.array([process.observations.x for process in processes]) / length,
+            length,
+            np.array([[each.signal_variance] for each in fitted]),
+            np.array([process.observations.trend for process in processes]),
+            np.array([process.inverse_root for process in processes]),
+            np.array([process.weights for process in processes]),
+        )
+
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """See ``Posterior``."""
+        parts = [self._predict(x[block]) for block in blocks(len(x), BLOCK_PLACES)]
+        mean, variance = (np.concatenate(numbers) for numbers in zip(*parts, strict=True))
+        return mean, variance
+
+    def predict_mean(self, x: Array) -> Array:
+        """See ``Posterior``."""
+        near = (self._near(x[block]) for block in blocks(len(x), BLOCK_PLACES))
+        return np.concatenate([(self.chance * self._means(each)).sum(axis=0) for each in near])
+
+    def predict_with_gradient(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """See ``Posterior``."""
+        near = self._near(x)
+        means, projected = self._means(near), near.kernel @ self.inverse_root.transpose(0, 2, 1)
+        mean_slopes = self._mean_slopes(near)
+        variance_slopes = -2.0 * self._slopes(near, projected @ self.inverse_root)
+        variance_slopes += 2.0 * RISE_SD**2 * near.trend[:, :, None] * near.trend_slope
+        chance, mean = self.chance[:, :, None], (self.chance * means).sum(axis=0)
+        mean_slope, away = (chance * mean_slopes).sum(axis=0), means - mean
+        variance_slopes += 2.0 * away[:, :, None] * (mean_slopes - mean_slope)
+        variance = (self.chance * (self._variances(near, projected) + away**2)).sum(axis=0)
+        return mean, variance, mean_slope, (chance * variance_slopes).sum(axis=0)
+
+    def predict_mean_with_gradient(self, x: Array) -> tuple[Array, Array]:
+        """See ``Posterior``."""
+        near = self._near(x)
+        slope = (self.chance[:, :, None] * self._mean_slopes(near)).sum(axis=0)
+        return (self.chance * self._means(near)).sum(axis=0), np.asarray(slope)
+
+    def _predict(self, x: Array) -> tuple[Array, Array]:
+        near = self._near(x)
+        means = self._means(near)
+        variances = self._variances(near, near.kernel @ self.inverse_root.transpose(0, 2, 1))
+        mean = (self.chance * means).sum(axis=0)
+        return mean, (self.chance * (variances + (means - mean) ** 2)).sum(axis=0)
+
+    def _near(self, x: Array) -> _Near:
+        """Return what the predictions at places (m, d) are made of."""
+        view = self.drive.view(x, self.dead_zones)
+        warped = view.warped / self.length
+        squares = (warped**2).sum(axis=2)[:, :, None] + (self.x**2).sum(axis=2)[:, None]
+        squares -= 2.0 * warped @ self.x.transpose(0, 2, 1)
+        correlation, rise = matern(np.maximum(squares, 0.0))
+        signal = self.signal[:, :, None]
+        common = RISE_SD * view.trend[:, :, None] * self.trend[:, None, :, 0] + LEVEL_SD * self.trend[:, None, :, 1]
+        kernel, slope = signal * correlation + common, view.slope / self.length
+        return _Near(kernel, signal * rise, warped, slope, view.trend, view.trend_slope)
+
+    def _means(self, near: _Near) -> Array:
+        """Return the mean (h, m) of every hypothesis."""
+        return np.asarray((near.kernel @ self.weights[:, :, None])[:, :, 0] + RISE * near.trend)
+
+    def _mean_slopes(self, near: _Near) -> Array:
+        """Return the gradient (h, m, d) of every hypothesis' mean."""
+        return self._slopes(near, self.weights[:, None]) + RISE * near.trend_slope
+
+    def _variances(self, near: _Near, projected: Array) -> Array:
+        """Return the variance (h, m) of every hypothesis, from the kernel times the inverse root (h, m, n)."""
+        prior = self.signal + LEVEL_SD**2 + (RISE_SD * near.trend) ** 2
+        return np.asarray(np.maximum(prior - (projected**2).sum(axis=2), 1e-10 * self.signal))
+
+    def _slopes(self, near: _Near, factor: Array) -> Array:
+        """Return the gradient (h, m, d) of the kernel times ``factor`` (h, m, n) or (h, 1, n), which is held fixed."""
+        weighted = near.rise * factor
+        difference = weighted @ self.x - weighted.sum(axis=2)[:, :, None] * near.warped
+        by_trend = RISE_SD * (factor @ self.trend[:, :, :1])
+        return np.asarray(5.0 / 3.0 * difference * near.slope + by_trend * near.trend_slope)
+
+
+@dataclass(frozen=True, slots=True)
+class _Near:
+    """Some places as all hypotheses see them: kernel (h, m, n) with the observations, trend, and their slopes."""
+
+    kernel: Array
+    rise: Array
+    warped: Array
+    slope: Array
+    trend: Array
+    trend_slope: Array

@@ -1,0 +1,167 @@
+"""Drive-BO: Bayesian optimisation that expects more drive to move more, as far as the trials bear it out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.streams import stream
+from vvvaltr.controller.core.values import GaitSpace
+from vvvaltr.transfer.bayes.acquisition import places_on_bounds
+from vvvaltr.transfer.bayes.belief import Belief, refit
+from vvvaltr.transfer.bayes.drive import Drive
+from vvvaltr.transfer.bayes.driven import Driven, observe_drive, rise_of
+from vvvaltr.transfer.bayes.gp import GaussianProcess
+from vvvaltr.transfer.bayes.initial_design import propose_design
+from vvvaltr.transfer.bayes.kernel import Hyperparameters
+from vvvaltr.transfer.bayes.proposal import Proposal, begin_with
+from vvvaltr.transfer.bayes.refitting import Conditioned, Fitted, follow
+from vvvaltr.transfer.bayes.scale import Scale
+from vvvaltr.transfer.bayes.search import Search
+from vvvaltr.transfer.bayes.trials import Trials
+from vvvaltr.transfer.methods.method import Method
+from vvvaltr.transfer.methods.plain_bo import INITIAL_TRIALS
+
+DEAD_ZONES = (0.0, 0.3, 0.5, 0.6, 0.7)
+"""Frequencies, as shares of the greatest, below which a motor may do nothing. They are equally probable at first."""
+
+MOST_HYPOTHESES, LEAST_CHANCE = 3, 0.03
+"""Hypotheses that predict: the most probable ones, and none below this probability. Others cost time, change little."""
+
+PLACES_ON_BOUNDS = 200
+"""Number of the places scanned for the best one that lie on faces, edges and corners of the unit cube."""
+
+DEAD_ZONE = "dead_zone"
+"""Name of the most probable dead zone in a fit."""
+
+
+class DriveBO(Search):
+    """Bayesian optimisation with a mean that rises with the drive, and with inputs through a dead zone.
+
+    How much the mean rises is a coefficient with a wide prior, and the dead zone is one of several, each weighed by how
+    well it explains the trials: data decide about both. There is no initial design. The first gait is one of the
+    strongest, and from the second trial on the expected improvement decides. See ``Drive``.
+
+    Where no frequency is searched, a drive has no meaning. The first trials are then spread over the space, as in
+    Plain-BO.
+
+    Args:
+        space: gaits to search.
+        seed: seed of every random stream.
+        has_drive: False where the frequencies are mere numbers, of which nothing is expected.
+    """
+
+    def __init__(self, space: GaitSpace, seed: int, has_drive: bool = True) -> None:
+        drive = Drive.of(space) if has_drive else Drive.of(space).without_meaning()
+        first = propose_first(drive, space.dimension, seed)
+        super().__init__(space, seed, partial(learn_driven, space, drive), begin_with(first))
+
+
+def propose_first(drive: Drive, dimension: int, seed: int) -> list[Proposal]:
+    """Return the first proposals: a gait of the strongest drive, or without a drive some that are spread out."""
+    if not drive.has_meaning:
+        return propose_design(INITIAL_TRIALS, dimension, stream(seed, 0, "initial design"))
+    x = places_on_bounds(PLACES_ON_BOUNDS, dimension, stream(seed, 0, "strongest drive"))
+    return [Proposal(x[np.argmax(drive.view(x, np.zeros(1)).trend[0])], "strongest drive")]
+
+
+@dataclass(frozen=True, slots=True)
+class Hypotheses:
+    """What the trials say under each of the dead zones.
+
+    Args:
+        drive: drive of the space.
+        zones: the dead zones.
+        processes: process of each.
+        evidence: log evidence (h,) of each.
+    """
+
+    drive: Drive
+    zones: tuple[float, ...]
+    processes: tuple[GaussianProcess, ...]
+
+    @classmethod
+    def condition(
+        cls, drive: Drive, rows: Trials, scale: Scale, hyperparameters: Hyperparameters, last: Sequence[GaussianProcess]
+    ) -> Hypotheses:
+        """Return the hypotheses given these rows: the ``last`` processes extended, or where there are none new ones."""
+        zones = DEAD_ZONES if drive.has_meaning else DEAD_ZONES[:1]
+        observed = [observe_drive(drive, rows, scale, zone) for zone in zones]
+        if last:
+            return cls(drive, zones, tuple(one.extend(all_) for one, all_ in zip(last, observed, strict=True)))
+        return cls(drive, zones, tuple(GaussianProcess.condition(all_, hyperparameters) for all_ in observed))
+
+    def evidence(self) -> Array:
+        """Return the log evidence (h,) of each."""
+        return np.array([process.log_evidence() for process in self.processes])
+
+    def chances(self) -> Array:
+        """Return the probability (h,) of each."""
+        evidence = self.evidence()
+        chances = np.exp(evidence - evidence.max())
+        return np.asarray(chances / chances.sum())
+
+    def posterior(self) -> Driven:
+        """Return the mixture of the most probable ones."""
+        chances = self.chances()
+        kept = np.sort(np.argsort(-chances, kind="stable")[:MOST_HYPOTHESES])
+        kept = kept[chances[kept] >= min(LEAST_CHANCE, chances.max())]
+        shares = chances[kept] / chances[kept].sum()
+        return Driven.of(self.drive, shares, [self.zones[i] for i in kept], [self.processes[i] for i in kept])
+
+    def best(self) -> int:
+        """Return the position of the most probable one."""
+        return int(np.argmax(self.evidence()))
+
+
+def learn_driven(
+    space: GaitSpace, drive: Drive, trials: Trials, last: Fitted | None, rng: np.random.Generator
+) -> Belief:
+    """Return what one or more trials say by themselves, with the drive and dead zone that they bear out."""
+    scale = Scale.of(trials.scores)
+    zone = 0.0 if last is None else last.learned[DEAD_ZONE]
+    fitted = follow(
+        trials,
+        last,
+        lambda rows: observe_drive(drive, rows, scale, zone),
+        partial(refit, trials=len(trials), rng=rng),
+    )
+    is_longer = isinstance(last, Conditioned) and not fitted.is_of(len(trials))
+    before = last.others if is_longer and isinstance(last, Conditioned) else ()
+    hypotheses = Hypotheses.condition(drive, fitted.rows, scale, fitted.hyperparameters, before)
+    fitted = replace(fitted, others=hypotheses.processes)
+    if not is_longer:
+        best = hypotheses.best()
+        fitted = replace(fitted, process=hypotheses.processes[best], learned={DEAD_ZONE: hypotheses.zones[best]})
+    return believe(space, scale, fitted, hypotheses)
+
+
+def believe(space: GaitSpace, scale: Scale, fitted: Conditioned, hypotheses: Hypotheses) -> Belief:
+    """Return the belief in a mixture of hypotheses."""
+    belief = Belief.of(fitted.process, scale, space, fitted)
+    names = dict(belief.hyperparameters)
+    if hypotheses.drive.has_meaning:
+        best = hypotheses.best()
+        names |= {
+            "dead_zone_hz": hypotheses.zones[best] * hypotheses.drive.greatest_hz,
+            "drive": rise_of(hypotheses.processes[best]),
+        }
+    return replace(
+        belief,
+        posterior=hypotheses.posterior(),
+        hyperparameters=names,
+        bounds=PLACES_ON_BOUNDS if hypotheses.drive.has_meaning else 0,
+    )
+
+
+METHOD = Method(
+    "drive",
+    "Bayesian optimisation that expects more drive to move more, as far as the trials bear it out",
+    uses_sources=False,
+    make=lambda space, seed, _: DriveBO(space, seed),
+)
+"""The default without a source."""
