@@ -4,6 +4,7 @@
 ``hurried`` with other inclines. The true drift is the mean displacement of ten gaits over four headings each.
 ``strength``: synthetic runs that search and repeat, half of them with a halving; ``laboratory``: a table of repeats.
 ``learning``: what Plain-BO recommends under each scatter, by its true speed, with and without correcting for causes.
+``turning``: whether a motor turned, from the shaking that a tracker sees; as many drives as there are seeds.
 ``standing``: repeats of one gait some of which stand still, as a laboratory's robot does.
 Each finished run is a line in ``--out``, so that an interrupted benchmark has lost nothing.
 """
@@ -15,6 +16,8 @@ import csv
 import json
 import math
 import time
+from collections import Counter
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,7 +28,7 @@ from scipy.stats import spearmanr
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait, GaitSpace
+from vvvaltr.controller.core.values import Gait, GaitSpace, Pose, Trial
 from vvvaltr.controller.loop.causes import find_loss_in
 from vvvaltr.controller.loop.learn import learn
 from vvvaltr.controller.loop.plan import Budget
@@ -35,10 +38,11 @@ from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.transfer.causes.floor import cut, learn_drift, weigh
 from vvvaltr.transfer.causes.standing import find_standing
 from vvvaltr.transfer.causes.strength import find_loss
+from vvvaltr.transfer.causes.turning import find_turning
 from vvvaltr.transfer.methods.plain_bo import PlainBO
 from vvvaltr.twin.engine import Start
 from vvvaltr.twin.presets import TWINS
-from vvvaltr.twin.scatter import Scatter, parse_scatter
+from vvvaltr.twin.scatter import Scatter, TrackerNoise, parse_scatter
 
 SETTINGS = TrialSettings(duration_s=5.0)
 LOOKS = (5, 10, 20)
@@ -134,6 +138,42 @@ def run_strength(repeats: float, halves: bool, seed: int) -> dict[str, Any]:
         "what": "strength", "repeats": repeats, "seed": seed, "step": step, "told": told, "since": since,
         "factor": factor,
     }  # fmt: skip
+
+
+def measure_shaking(seed: int, count: int) -> list[tuple[Gait, int | None, Trial]]:
+    """Return drives of the spatial twin seen at 100 Hz without noise; one motor stood still in half of them."""
+    text = "careful:not_starting=0.5,telling=no"
+    robot = TWINS["spatial"].make(seed=seed, scatter=text, noise=TrackerNoise.none())
+    scatter, random, found = parse_scatter(text, 0.0), stream(seed, 0, "shaking"), []
+    for number in range(1, count + 1):
+        gait = Gait(tuple((random.choice([-1.0, 1.0], 3) * random.uniform(8.0, 50.0, 3)).tolist()))
+        failure = scatter.draw_failure(stream(seed, number, "failure"), 3)
+        found.append((gait, failure and failure[0], run_trial(robot, gait, replace(SETTINGS, period_s=0.01), number)))
+    return found
+
+
+def judge_shaking(
+    drives: list[tuple[Gait, int | None, Trial]], every: int, noise_m: float, markers: bool
+) -> dict[str, Any]:
+    """Return how many standing and turning motors were told, by a tracker of 100 Hz over ``every`` with noise."""
+    random, counts = stream(0, every, f"noise {noise_m}"), Counter[str]()
+    for gait, stood, trial in drives:
+        if not trial.outcome.is_valid:
+            continue
+        poses = [_blur(pose, noise_m, markers, random) for pose in trial.poses[::every]]
+        for motor, turned in enumerate(find_turning(poses, gait.frequency_hz)):
+            counts[f"{'standing' if motor == stood else 'turning'} motor: {turned}"] += 1
+    return {"what": "turning", "rate_hz": 100 / every, "noise_m": noise_m, "markers": markers, **counts}
+
+
+def _blur(pose: Pose, noise_m: float, markers: bool, random: np.random.Generator) -> Pose:
+    """Return a pose as a tracker sees it: each coordinate with noise, each angle with 0.002 rad."""
+    x_m, y_m, z_m = (np.array(pose.position_m) + random.normal(0.0, noise_m, 3)).tolist()
+    angles = np.array([pose.yaw_rad, pose.pitch_rad, pose.roll_rad]) + random.normal(0.0, 0.002, 3)
+    yaw_rad, pitch_rad, roll_rad = angles.tolist()
+    seen = np.array(pose.markers_m) + random.normal(0.0, noise_m, (len(pose.markers_m), 3)) if markers else np.empty(0)
+    marks = tuple((x, y, z) for x, y, z in seen.tolist())
+    return Pose(pose.t_s, (x_m, y_m, z_m), yaw_rad, pitch_rad, roll_rad, marks)
 
 
 def run_laboratory(path: Path) -> list[dict[str, Any]]:
@@ -247,7 +287,7 @@ def summarise_floor(rows: list[dict[str, Any]], truth: dict[tuple[str, float], f
 def main() -> None:
     """Run one part, and print what was found."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", choices=["floor", "strength", "standing", "laboratory", "learning"])
+    parser.add_argument("part", choices=["floor", "strength", "standing", "turning", "laboratory", "learning"])
     parser.add_argument("--seeds", type=int, nargs=2, default=[1000, 1010], metavar=("FIRST", "END"))
     parser.add_argument("--twin", default="planar", help="of the part learning")
     parser.add_argument("--scatters", nargs="+", default=["careful", "hurried"], help="of the part learning")
@@ -295,6 +335,12 @@ def main() -> None:
                 for corrects in (True, False):
                     keep(run_learning(arguments.twin, scatter, seed, corrects))
         summarise_learning(rows)
+    elif arguments.part == "turning":
+        drives = measure_shaking(seeds.start, len(seeds))
+        for every, noise_m, markers in ((1, 0.0003, False), (1, 0.0003, True), (1, 0.001, False), (2, 0.0003, False),
+                                        (5, 0.0003, False)):  # fmt: skip
+            keep(judge_shaking(drives, every, noise_m, markers))
+            print(rows[-1], flush=True)
     elif arguments.part == "standing":
         for cv in (0.1, 0.2, 0.3, 0.4):
             of = [run_standing(cv, seed) for seed in seeds]

@@ -13,6 +13,7 @@ from vvvaltr.controller.core.values import Gait, Outcome, Phase, Trial
 from vvvaltr.transfer.causes.floor import Drift, learn_drift, weigh
 from vvvaltr.transfer.causes.standing import Standing, describe_standing, is_far_below
 from vvvaltr.transfer.causes.strength import Loss, find_loss
+from vvvaltr.transfer.causes.turning import find_turning
 
 _TURNS = 0.2  # share of its commanded frequency below which a motor does not turn
 _SPUN_UP_S = 1.0  # since the drive began
@@ -21,24 +22,46 @@ _RECENT = 60  # trials that are searched for a loss
 _SAME_LOSS = 5  # trials by which the start of one loss may shift as more is known
 _LEAST_TURN_RAD = 0.1  # without which a run does not tell the floor from the robot
 _SHORTFALL = 0.85  # share of its set-point below which a motor falls short
+_CURE = "check its wires and its board"
 _STANDS_FOR = 0.3  # share of a drive's second half in which it must stand
 
 
 def fault_standing_motor(trial: Trial) -> Trial:
-    """Return the trial as faulted if the device measured that a motor did not turn in it; else the trial itself.
+    """Return the trial as faulted if a motor did not turn in it; else the trial itself.
+
+    The device's measurements say it; where it has none, the shaking that a tracker of 45 Hz or more sees.
+    """
+    if not trial.outcome.is_valid or (reason := _measured_standing(trial) or _seen_standing(trial)) == "":
+        return trial
+    return replace(trial, outcome=Outcome.FAULTED, reason=reason)
+
+
+def _measured_standing(trial: Trial) -> str:
+    """Return which motor the device measured at rest, in words; empty for none.
 
     The second half of the drive counts, after its first second: motors have spun up by then, and one that stopped has
     stopped. A shorter drive is not judged.
     """
     measured_hz = _measured_late(trial)
-    if not trial.outcome.is_valid or measured_hz is None:
-        return trial
+    if measured_hz is None:
+        return ""
     for motor, hz in enumerate(trial.gait.frequency_hz):
         stood = measured_hz[:, motor] < _TURNS * abs(hz)
         if abs(hz) >= _COMMANDED_HZ and stood.mean() > _STANDS_FOR:
-            reason = f"motor {motor + 1} did not turn at {hz:.1f} Hz, its device says; check its wires and its board"
-            return replace(trial, outcome=Outcome.FAULTED, reason=reason)
-    return trial
+            return f"motor {motor + 1} did not turn at {hz:.1f} Hz, its device says; {_CURE}"
+    return ""
+
+
+def _seen_standing(trial: Trial) -> str:
+    """Return which motor the tracker did not see shaking, in words; empty for none, and where a device measures."""
+    if any(state.measured for state in trial.states):
+        return ""
+    turned = find_turning(trial.poses, trial.gait.frequency_hz)
+    stood = [motor for motor, it in enumerate(turned) if it is False]
+    if not stood:
+        return ""
+    motors = " and ".join(f"motor {motor + 1} at {trial.gait.frequency_hz[motor]:.1f} Hz" for motor in stood)
+    return f"{motors} did not turn: the tracker sees no shaking there, but that of other motors; {_CURE}"
 
 
 def review_speed(gait: Gait, speed_m_s: float, history: Sequence[LoggedTrial]) -> Review:

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 
 from vvvaltr.controller.core.records import EventKind, Fit, LoggedTrial
-from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Phase, Suggestion, Trial
+from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Phase, Pose, Suggestion, Trial
 from vvvaltr.controller.loop.causes import StrengthWatch, fault_standing_motor, review_speed, to_repeat
 from vvvaltr.controller.loop.learn import learn
 from vvvaltr.controller.loop.plan import Budget
@@ -49,6 +49,24 @@ def test_a_drive_too_short_for_motors_to_spin_up_is_not_judged():
     short = replace(trial(12.0, 0.1, 0.0), duration_s=0.8, states=trial(12.0, 0.1, 0.0).states[:8])
 
     assert fault_standing_motor(short) is short
+
+
+def test_a_motor_that_a_fast_tracker_does_not_see_shaking_faults_the_trial_where_no_device_measures():
+    times_s = np.arange(0.0, 5.0, 0.01)
+    shaking = 0.0003 * (np.cos(2.0 * np.pi * 12.0 * times_s) + np.cos(2.0 * np.pi * 31.0 * times_s))
+    noise = np.random.default_rng(0).normal(0.0, 0.0002, (len(times_s), 2))
+    poses = tuple(
+        Pose(t, (0.01 * t + x + a, x + b, 0.0))
+        for t, x, (a, b) in zip(times_s.tolist(), shaking.tolist(), noise.tolist(), strict=True)
+    )
+    seen = Trial(1, Gait((12.0, -20.0, 31.0)), Outcome.COMPLETED, "", 0.0, 5.0, poses)
+
+    faulted = fault_standing_motor(seen)
+
+    assert faulted.outcome is Outcome.FAULTED
+    assert faulted.reason.startswith("motor 2 at -20.0 Hz did not turn: the tracker sees no shaking there")
+    measured = replace(seen, states=(MotorState(0.1, (12.0, -20.0, 31.0)),))
+    assert fault_standing_motor(measured) is measured
 
 
 def test_a_trial_far_below_the_gaits_others_is_suspect_in_words_and_is_repeated_once():
