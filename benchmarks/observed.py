@@ -53,10 +53,12 @@ class Note:
 class ObservedDevice:
     """A mock with its twin in a process of its own, for a ``with`` statement."""
 
-    def __init__(self, device: str, link: Path, twin: str = "planar", max_hz: float | None = None) -> None:
+    def __init__(
+        self, device: str, link: Path, twin: str = "planar", max_hz: float | None = None, firmware: str = ""
+    ) -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(device, link, twin, max_hz, theirs), daemon=True)
+        self._process = context.Process(target=_serve, args=(device, link, twin, max_hz, firmware, theirs), daemon=True)
         self._process.start()
         self.robot_file = Path(self._pipe.recv())
 
@@ -94,12 +96,12 @@ class ObservedDevice:
         raise TimeoutError(f"a motor was still running after {timeout_s:g} s")
 
 
-def _serve(device: str, link: Path, twin: str, max_hz: float | None, pipe: Connection) -> None:
+def _serve(device: str, link: Path, twin: str, max_hz: float | None, firmware: str, pipe: Connection) -> None:
     from vvvaltr.controller.robot.mock import open_mock
     from vvvaltr.drivers.mocking.plugged import be_prompt
 
     be_prompt()
-    mock = open_mock(device, link, twin, max_hz=max_hz)
+    mock = open_mock(device, link, twin, max_hz=max_hz, firmware=firmware)
     pipe.send(str(mock.robot_file))
     changes: list[Change] = []
     heard_s: float | None = None

