@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.following import add_following_arguments, open_events, open_live_view
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number
-from vvvaltr.controller.cli.telling import bar, say_above
+from vvvaltr.controller.cli.telling import bar, counted, say_above
 from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
@@ -119,9 +119,9 @@ def _prose(result: dict[str, Any]) -> str:
     return "\n".join(
         (
             begin,
-            f"at         {x_m:.3f} {y_m:.3f} m, heading {result['yaw_rad']:.2f} rad",
+            f"at         {x_m:.3f} {y_m:.3f} m, heading {result['yaw_rad']:z.2f} rad",
             f"off by     {1000 * result['error_m']:.0f} mm",
-            f"driven     {result['duration_s']:.1f} s in {result['primitives']} primitives",
+            f"driven     {result['duration_s']:.1f} s in {counted(result['primitives'], 'primitive')}",
             f"run        {result['run']}",
         )
     )

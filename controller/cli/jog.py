@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.keyboard import GONE, Keyboard, raw_keyboard
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot
-from vvvaltr.controller.cli.telling import say
+from vvvaltr.controller.cli.telling import counted, say
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
 if TYPE_CHECKING:
@@ -72,7 +72,8 @@ class JogKeys:
 
 
 def _prose(result: dict[str, Any]) -> str:
-    return f"driven     {result['duration_s']:.1f} s in {result['trials']} trials\nrun        {result['run']}"
+    driven = f"{result['duration_s']:.1f} s in {counted(result['trials'], 'trial')}"
+    return f"driven     {driven}\nrun        {result['run']}"
 
 
 COMMAND = Subcommand(

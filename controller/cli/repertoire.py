@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number, trial_duration, whole
-from vvvaltr.controller.cli.telling import bar, say_above
+from vvvaltr.controller.cli.telling import bar, counted, say_above
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
 if TYPE_CHECKING:
@@ -103,12 +103,14 @@ def _learn(run: RepertoireRun, arguments: Namespace) -> None:
 
 
 def _answer(path: Path, result: dict[str, Any], repertoire: Repertoire, picture: Path | None) -> Answer:
+    if not repertoire.movements:
+        raise UserError(f"{path}: no trial shows a movement; make longer ones, by a new run with --duration 5")
     if picture is not None:
         from vvvaltr.controller.view.repertoire_picture import draw_repertoire
 
         draw_repertoire(repertoire, str(path), picture)
     lines = [
-        f"movements  {result['gaits']} gaits in {result['trials']} trials",
+        f"movements  {counted(result['gaits'], 'gait')} in {counted(result['trials'], 'trial')}",
         f"fastest    {1000 * result['fastest_m_s']:.1f} mm/s",
         f"turning    {result['turn_left_rad_s']:.2f} rad/s to the left, {result['turn_right_rad_s']:.2f} to the right",
         f"floor      drifts by {1000 * result['drift_m_s'][0]:.1f} {1000 * result['drift_m_s'][1]:.1f} mm/s",

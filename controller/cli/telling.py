@@ -25,6 +25,11 @@ def add_telling_arguments(parser: ArgumentParser) -> None:
     group.add_argument("--debug", action="store_true", help="show the traceback of an unexpected error")
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number of things in words: 1 trial, 2 trials."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 def say(arguments: Namespace, line: str) -> None:
     """Tell the person one line, unless they asked for quiet."""
     if not arguments.quiet:

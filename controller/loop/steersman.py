@@ -82,7 +82,7 @@ class Steersman:
         belief, able = self._belief, self._able
         scatter, deviations = belief.scatter[movement], belief.deviations[movement]
         usual = np.hypot(scatter, np.minimum(deviations, scatter))
-        width = usual / np.sqrt(1.0 + np.maximum((deviations / scatter) ** 2 - 1.0, 0.0))
+        width = usual / np.maximum(deviations / np.maximum(scatter, 1e-9), 1.0)
         return Tube(at, 0.0, self._delay_s, np.append(able.velocities[movement], able.drift_m_s), belief.around(width))
 
     def onward(self, movement: int, poses: Sequence[Pose], goal: Goal) -> Onward:

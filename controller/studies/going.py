@@ -212,7 +212,8 @@ def read_goals(path: Path) -> tuple[tuple[float, float, float | None], ...]:
     try:
         rows = [row for row in csv.reader(read_text(path).splitlines()) if any(map(str.strip, row))]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"{path}: {error}; give a CSV file with x, y and perhaps yaw in each line") from None
+        what = error.strerror if isinstance(error, OSError) else error
+        raise UserError(f"{path}: {what}; give a CSV file with x, y and perhaps yaw in each line") from None
     if rows and not _is_number(rows[0][0]):
         rows = rows[1:]
     if not rows:

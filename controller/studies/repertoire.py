@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from vvvaltr.controller.core.errors import UserError, one_line_errors
+from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, Outcome, Suggestion
@@ -29,9 +29,11 @@ from vvvaltr.controller.studies.steering_run import (
     steering_config,
 )
 from vvvaltr.transfer.steering.lacking import next_gait
+from vvvaltr.transfer.steering.passage import STEADY_S
 from vvvaltr.transfer.steering.repertoire import Repertoire, learn_repertoire
 
 METHOD = "repertoire"
+_SHORTEST_S = 2.0  # of a trial: a little more than what tells a movement at all
 _FAILURES_IN_A_ROW = 3  # after which somebody has to look at the robot
 
 
@@ -63,7 +65,9 @@ class RepertoireRun:
         choice = choose_robot(asked)
         rig = open_rig(choice, seed)
         try:
-            config = steering_config(choice, rig, METHOD, seed, trials, duration_s or rig.settings.duration_s)
+            duration_s = duration_s or rig.settings.duration_s
+            _check_duration(duration_s)
+            config = steering_config(choice, rig, METHOD, seed, trials, duration_s)
             if range_hz is not None:
                 _check_range(rig, range_hz)
                 config = msgspec.structs.replace(config, range_hz=range_hz)
@@ -161,7 +165,7 @@ def describe(repertoire: Repertoire) -> dict[str, Any]:
         "drift_m_s": list(repertoire.drift_m_s),
         "fastest_m_s": float(np.hypot(velocities[:, 0], velocities[:, 1]).max(initial=0.0)),
         "turn_left_rad_s": float(velocities[:, 2].max(initial=0.0)),
-        "turn_right_rad_s": float(-velocities[:, 2].min(initial=0.0)),
+        "turn_right_rad_s": float((-velocities[:, 2]).max(initial=0.0)),
         "movements": [
             {
                 "gait_hz": list(movement.gait.frequency_hz),
@@ -175,6 +179,14 @@ def describe(repertoire: Repertoire) -> dict[str, Any]:
             for movement in repertoire.movements
         ],
     }
+
+
+def _check_duration(duration_s: float) -> None:
+    if duration_s < _SHORTEST_S:
+        raise NotUnderstood(
+            f"--duration {duration_s:g} is too short: motors take {STEADY_S:g} s to speed up before a movement can be "
+            f"seen; give at least {_SHORTEST_S:g}"
+        )
 
 
 def _check_range(rig: Rig, range_hz: tuple[float, float]) -> None:

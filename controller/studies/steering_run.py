@@ -21,7 +21,7 @@ from vvvaltr.controller.robot.opening import Rig, make_twin, open_rig
 from vvvaltr.controller.runs.config import RunConfig, load_config, resumed_config, save_config
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
 from vvvaltr.controller.runs.repertoire_file import SOURCE_NAME, read_repertoire, split_runs, table_of
-from vvvaltr.transfer.steering.passage import where
+from vvvaltr.transfer.steering.passage import SHORTEST_S, where
 from vvvaltr.transfer.steering.repertoire import Repertoire, learn_repertoire
 
 
@@ -144,7 +144,10 @@ def load_repertoire(paths: Sequence[Path]) -> Repertoire:
         repertoire = learn_repertoire(split_runs(trials), repertoire)
     if not repertoire.movements:
         names = ", ".join(map(str, paths))
-        raise UserError(f"{names}: no valid trial with poses, so no movement is known; make some by vvvaltr repertoire")
+        raise UserError(
+            f"{names}: no valid trial has poses of {SHORTEST_S:g} s or more, so that no movement is known; make some "
+            "by vvvaltr repertoire"
+        )
     return repertoire
 
 

@@ -15,6 +15,8 @@ from vvvaltr.controller.core.values import Pose
 STEADY_S = 1.2  # until then motors speed up and the robot shakes itself into its walk
 _PIECE_S = 1.0
 _LEAST_S = 0.4  # of a path that says anything
+SHORTEST_S = STEADY_S + _LEAST_S
+"""The shortest drive that tells a movement."""
 
 
 @dataclass(frozen=True, slots=True)

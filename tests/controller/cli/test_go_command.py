@@ -61,7 +61,7 @@ def test_a_repertoire_is_drawn(moves: Path, tmp_path: Path, capsys: pytest.Captu
 
 def test_a_repertoire_goes_on_as_it_would_have_gone_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     at_once, in_two = tmp_path / "at_once", tmp_path / "in_two"
-    begin = ("repertoire", "--robot", "planar", "--duration", "1", "--seed", "3")
+    begin = ("repertoire", "--robot", "planar", "--duration", "2", "--seed", "3")
     call(capsys, *begin, "--gaits", "12", "--out", str(at_once))
     call(capsys, *begin, "--gaits", "7", "--out", str(in_two))
 
@@ -69,6 +69,14 @@ def test_a_repertoire_goes_on_as_it_would_have_gone_on(tmp_path: Path, capsys: p
 
     assert status == 0
     assert gaits_of(in_two) == gaits_of(at_once)
+
+
+def test_trials_too_short_to_show_a_movement_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, _, err = call(capsys, "repertoire", "--robot", "planar", "--duration", "1", "--out", str(tmp_path / "m"))
+
+    assert status == 2
+    assert "--duration 1 is too short" in err
+    assert not (tmp_path / "m").exists()
 
 
 def gaits_of(run: Path) -> list[tuple[float, ...]]:
