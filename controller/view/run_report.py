@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 from vvvaltr import __version__
 from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.values import Estimate, Gait
-from vvvaltr.controller.loop.summary import summarise, tell_causes
 from vvvaltr.controller.view import run_figures as figures
 from vvvaltr.controller.view.commands import write_making_command, write_trial_command
 from vvvaltr.controller.view.page import to_png, write_figure, write_page, write_table
 from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, find_in_run
 from vvvaltr.controller.view.run_movements import read_goals, write_movements
+from vvvaltr.controller.view.scatter_causes import find_causes, tell_scatter
 from vvvaltr.controller.view.showing import name_run
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def _trials(found: RunFindings) -> Iterator[str]:
     suspects = [(str(it.trial.number), it.review.suspicion) for it in trials if it.review.is_suspect]
     if suspects:
         yield write_table("Trials that a check found suspect", ("trial", "why"), suspects[:30])
-    if causes := list(tell_causes(summarise(trials))):
+    if causes := list(tell_scatter(find_causes(trials))):
         yield write_table("Causes of scatter that the trials tell", ("cause", "what was found"), causes[:30])
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Phase
-from vvvaltr.controller.loop.causes import describe_loss, find_drift_in, find_loss_in
+from vvvaltr.controller.loop.causes import find_drift_in, find_loss_in
+from vvvaltr.controller.loop.summary import summarise, tell_causes
 from vvvaltr.transfer.causes.floor import Drift
 from vvvaltr.transfer.causes.strength import Loss
 
@@ -21,12 +22,14 @@ class ScatterCauses:
     """What is known after some trials.
 
     Args:
+        told: what the run's summary says: a word for each cause, and a sentence.
         loss: a loss of strength that is certain, and the number of the first trial with it; None for none.
         drift: of the floor; None where the trials do not tell it.
         suspects: trials that a check found suspect.
         references: valid trials of the reference gait.
     """
 
+    told: tuple[tuple[str, str], ...]
     loss: tuple[Loss, int] | None
     drift: Drift | None
     suspects: tuple[LoggedTrial, ...]
@@ -36,6 +39,7 @@ class ScatterCauses:
 def find_causes(trials: Sequence[LoggedTrial]) -> ScatterCauses:
     """Return what ``trials`` tell."""
     return ScatterCauses(
+        tuple(tell_causes(summarise(trials))),
         find_loss_in(trials),
         find_drift_in(trials[-_RECENT:]),
         tuple(logged for logged in trials if logged.review.is_suspect),
@@ -48,22 +52,22 @@ def is_reference(logged: LoggedTrial) -> bool:
     return logged.suggestion.phase is Phase.REFERENCE and logged.score is not None
 
 
-def write_causes(causes: ScatterCauses) -> Iterator[str]:
-    """Yield one sentence for each cause that was found."""
-    if causes.loss is not None:
-        yield f"Strength: {describe_loss(*causes.loss)}"
-    if causes.drift is not None and causes.drift.is_told:
-        yield f"Floor: {describe_floor(causes.drift)}"
+def tell_scatter(causes: ScatterCauses) -> Iterator[tuple[str, str]]:
+    """Yield a word for each cause that was found, and a sentence."""
+    yield from causes.told
+    is_corrected = any(word == "corrected" for word, _ in causes.told)  # which names the floor's drift already
+    if causes.drift is not None and causes.drift.is_told and not is_corrected:
+        yield "floor", _describe_floor(causes.drift)
     if causes.suspects:
         numbers = [str(logged.trial.number) for logged in causes.suspects]
-        yield f"Suspect: {_list('trial', numbers)}"
+        yield "suspect", _list("trial", numbers)
     if causes.references:
         speeds = [f"{it.trial.number} with {1000.0 * (it.score or 0.0):.1f}" for it in causes.references]
-        yield f"Reference: {_list('trial', speeds)} mm/s"
+        yield "reference", f"{_list('trial', speeds)} mm/s"
 
 
-def describe_floor(drift: Drift) -> str:
-    """Return a floor's drift in words."""
+def _describe_floor(drift: Drift) -> str:
+    """Return in words where an inclined floor carries the robot."""
     return (
         f"inclined ({100.0 * drift.is_inclined:.0f} % certain), it carries the robot by {1000.0 * drift.speed_m_s:.1f} "
         f"+- {1000.0 * drift.deviation_m_s:.1f} mm/s towards {math.degrees(drift.azimuth_rad):.0f} degrees from x"

@@ -17,7 +17,7 @@ from vvvaltr.controller.core.values import Pose, Structure, Trial
 from vvvaltr.controller.runs.log import find_trial_span_ns
 from vvvaltr.controller.view.canvas import Canvas, When
 from vvvaltr.controller.view.chart import Axes, Entry, list_legend, send_axes, send_chart, send_chart_styles
-from vvvaltr.controller.view.scatter_causes import ScatterCauses, find_causes, write_causes
+from vvvaltr.controller.view.scatter_causes import ScatterCauses, find_causes, tell_scatter
 from vvvaltr.controller.view.scene_causes import send_causes
 from vvvaltr.controller.view.scene_forces import list_force_columns
 from vvvaltr.controller.view.scene_goals import send_goals
@@ -257,7 +257,8 @@ class Scene:
         results = []
         for trials in sofar:
             if len(trials) in causes:
-                self._causes = tuple(f"\n\n{line}" for line in write_causes(causes[len(trials)]))
+                told = tell_scatter(causes[len(trials)])
+                self._causes = tuple(f"\n\n{word.capitalize()}: {sentence}" for word, sentence in told)
             results.append(write_result(trials) + "".join(self._causes) + about)
         for path, texts in (
             ("result", results),

@@ -47,11 +47,15 @@ class Browser:
         self.call(
             "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 600
         )
+        loaded = self._loads()
         self.call("Page.navigate", url=page.as_uri())
-        if not any(event["method"] == "Page.loadEventFired" for event in self.events):
+        if self._loads() == loaded:
             for event in self._messages():
                 if event.get("method") == "Page.loadEventFired":
                     return
+
+    def _loads(self) -> int:
+        return sum(event["method"] == "Page.loadEventFired" for event in self.events)
 
     def evaluate(self, expression: str) -> Any:
         """Return the value of an expression in the page."""

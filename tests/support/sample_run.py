@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 
 from vvvaltr.controller.core.conditions import Conditions
 from vvvaltr.controller.core.records import (
@@ -22,6 +23,7 @@ from vvvaltr.controller.core.values import (
     Gait,
     MotorState,
     Outcome,
+    Phase,
     Pose,
     Recommendation,
     Source,
@@ -85,6 +87,23 @@ def sample_run(trials: int = 4, poses: int = 21) -> Run:
     outcomes = {2: Outcome.TRACKING_LOST}
     logged = (logged_trial(n, poses, outcomes.get(n, Outcome.COMPLETED)) for n in range(1, trials + 1))
     return Run(STRUCTURE, (SOURCE,), tuple(logged), {"version": "0.2.0", "robot": "sample", "seed": "0"})
+
+
+def weaker(trials: int, since: int) -> list[LoggedTrial]:
+    """Return trials of alike gaits, every fifth of them the reference, that are half as fast from one of them on."""
+    logged = []
+    for number in range(1, trials + 1):
+        trial, is_reference = logged_trial(number, poses=3), number % 5 == 1
+        gait = Gait((12.0, -14.0, 9.0 if is_reference else 8.0 + 0.1 * number))
+        phase = Phase.REFERENCE if is_reference else Phase.SEARCH
+        speed_m_s = (0.030 + 0.001 * (number % 3)) * (1.0 if number < since else 0.45)
+        suggestion = replace(trial.suggestion, gait=gait, phase=phase)
+        logged.append(
+            replace(
+                trial, suggestion=suggestion, trial=replace(trial.trial, gait=gait), score=speed_m_s, review=Review()
+            )
+        )
+    return logged
 
 
 def _pose(t_s: float, speed_m_s: float, draw: random.Random) -> Pose:

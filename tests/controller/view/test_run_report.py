@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from chromium import chromium
-from sample_run import SOURCE, STRUCTURE, logged_trial, sample_run
+from sample_run import SOURCE, STRUCTURE, logged_trial, sample_run, weaker
 
 from vvvaltr.controller.cli.main import main, make_parser
 from vvvaltr.controller.core.errors import UserError
@@ -115,6 +115,13 @@ def test_reasons_and_suspicions_are_listed(tmp_path: Path) -> None:
     assert "no pose for 0.3 s: is the tag in view?" in text
     assert "turned faster than it can" in text
     assert "Battery: 7.39 V at the first trial, 7.28 V at the last." in text
+
+
+def test_the_causes_of_scatter_are_told(tmp_path: Path) -> None:
+    weak = Run(STRUCTURE, (), tuple(weaker(24, since=13)))
+    told = unescape(report(write_log(tmp_path / "weak.mcap", weak), tmp_path / "report.html"))
+    assert "from trial 13 on the robot moved 0.47 times as far" in told
+    assert "trials 1 with 31.0, 6 with 30.0, 11 with 32.0, 16 with 14.0, 21 with 13.5 mm/s" in told
 
 
 def test_markup_in_a_log_is_text_in_the_report(tmp_path: Path) -> None:

@@ -16,11 +16,11 @@ import pytest
 import rerun as rr
 import rerun_cli
 from rerun.chunk import RrdReader
-from sample_run import STRUCTURE, logged_trial, sample_run
+from sample_run import STRUCTURE, logged_trial, sample_run, weaker
 
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Review, Run
-from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Outcome, Phase, Photo, Pose, Structure
+from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Outcome, Photo, Pose, Structure
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
@@ -307,23 +307,6 @@ def test_a_run_without_pictures_has_no_view_for_them(tmp_path: Path) -> None:
     assert "Camera, once a second" not in print_recording(tmp_path / "run.rrd")
 
 
-def weaker(trials: int, since: int) -> list[LoggedTrial]:
-    """Return trials of alike gaits, every fifth of them the reference, that are half as fast from one of them on."""
-    logged = []
-    for number in range(1, trials + 1):
-        trial, is_reference = logged_trial(number, poses=3), number % 5 == 1
-        gait = Gait((12.0, -14.0, 9.0 if is_reference else 8.0 + 0.1 * number))
-        phase = Phase.REFERENCE if is_reference else Phase.SEARCH
-        speed_m_s = (0.030 + 0.001 * (number % 3)) * (1.0 if number < since else 0.45)
-        suggestion = replace(trial.suggestion, gait=gait, phase=phase)
-        logged.append(
-            replace(
-                trial, suggestion=suggestion, trial=replace(trial.trial, gait=gait), score=speed_m_s, review=Review()
-            )
-        )
-    return logged
-
-
 def test_a_loss_of_strength_is_marked_from_when_it_was_known(tmp_path: Path) -> None:
     found = saved(tmp_path, Run(STRUCTURE, (), tuple(weaker(24, since=13))))
     counts = dict(zip(column(found["/chart/loss"], "trial"), column(found["/chart/loss"], "strips"), strict=True))
@@ -332,7 +315,7 @@ def test_a_loss_of_strength_is_marked_from_when_it_was_known(tmp_path: Path) -> 
     x = counts[24][0][0][0]
     assert x == pytest.approx(200.0 * 12.5 / 24)
     texts = [text for (text,) in column(found["/result"], "text")]
-    assert "Strength: from trial 13 on the robot moves 0.47 times as far as before" in texts[-1]
+    assert "Strength: from trial 13 on the robot moved 0.47 times as far" in texts[-1]
     assert "Strength" not in texts[9]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chromium import chromium
 
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.processes import processes
@@ -227,8 +228,12 @@ def test_a_campaign_that_has_just_begun_has_found_nothing(tmp_path: Path) -> Non
         write_report(store)
 
 
-def test_the_report_is_one_file_that_needs_nothing_else(campaign: Store) -> None:
-    page = write_report(campaign)
+@pytest.fixture(scope="module")
+def page(campaign: Store) -> Path:
+    return write_report(campaign)
+
+
+def test_the_report_is_one_file_that_needs_nothing_else(campaign: Store, page: Path) -> None:
     text = page.read_text(encoding="utf-8")
 
     assert "Experiment 1b" in text and "+11.3 %" in text
@@ -238,6 +243,21 @@ def test_the_report_is_one_file_that_needs_nothing_else(campaign: Store) -> None
         "overview.png",
         *(f"{key}-{what}.png" for key in ("1", "1b") for what in ("true-speed", "best-so-far", "learned")),
     }
+
+
+def test_a_browser_shows_every_figure_and_asks_nobody_for_anything(page: Path, tmp_path: Path) -> None:
+    assert page.stat().st_size < 3e6
+    with chromium(tmp_path / "profile") as browser:
+        for width in (1200, 400):
+            browser.open(page, width)
+            images = browser.evaluate(
+                "[...document.images].map(i => [i.complete && i.naturalWidth > 300, i.alt.length > 20])"
+            )
+            assert images == [[True, True]] * (1 + 2 * 3)
+            assert browser.evaluate("document.documentElement.scrollWidth") <= width
+            assert browser.evaluate("Math.min(...[...document.images].map(i => i.width))") > 300
+        assert set(browser.requests()) == {page.as_uri()}
+        assert browser.complaints() == []
 
 
 def test_the_tables_can_be_had_in_markdown(campaign: Store) -> None:
