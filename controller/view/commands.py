@@ -42,9 +42,12 @@ def write_trial_command(gait: Gait, robot: str, config: RunConfig | None = None)
 def write_learn_command(config: RunConfig) -> str:
     """Return the command that makes a run again; what is usual is left out."""
     stored = msgspec.to_builtins(config)
-    for key in ("robot", "format", "seal"):
+    for key in ("robot", "format", "seal", "reference_hz", "reference_every"):
         del stored[key]
-    return " ".join(["vvvaltr learn", *_write_robot(config), *_write_options(stored)])
+    words = ["vvvaltr learn", *_write_robot(config), *_write_options(stored)]
+    if config.reference_hz:
+        words.append(f"--reference {','.join(f'{hz:g}' for hz in config.reference_hz)}:{config.reference_every}")
+    return " ".join(words)
 
 
 def write_making_command(config: RunConfig, goals: Sequence[Sequence[float | None]] = ()) -> str:

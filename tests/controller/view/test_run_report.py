@@ -9,11 +9,13 @@ from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from chromium import chromium
 from sample_run import SOURCE, STRUCTURE, logged_trial, sample_run, weaker
 
+from vvvaltr.controller.cli.learn import _asked
 from vvvaltr.controller.cli.main import main, make_parser
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
@@ -91,6 +93,11 @@ def test_the_commands_are_understood_and_make_the_same_run(runs: Path) -> None:
     again = make_parser().parse_args(shlex.split(write_learn_command(config))[1:])
     assert (again.trials, again.seed, again.world, again.method) == (10, config.seed, "hills", config.method)
     assert again.source == list(config.sources)
+    assert again.reference is None
+    watched = msgspec.structs.replace(config, reference_hz=(12.0, -14.5, 9.0), reference_every=5)
+    again = make_parser().parse_args(shlex.split(write_learn_command(watched))[1:])
+    assert _asked(again)["reference_hz"] == watched.reference_hz
+    assert _asked(again)["reference_every"] == 5
     gait = Gait((1.0, -2.0, 3.0), (0.0, 0.5, 0.0), (1.0, 0.5, 1.0))
     driven = make_parser().parse_args(shlex.split(write_trial_command(gait, "", config))[1:])
     assert (driven.frequency_hz, driven.phase, driven.amplitude) == ([1, -2, 3], [0, 0.5, 0], [1, 0.5, 1])
