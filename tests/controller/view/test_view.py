@@ -21,6 +21,7 @@ from sample_run import STRUCTURE, logged_trial, sample_run, weaker
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Review, Run
 from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Outcome, Photo, Pose, Structure
+from vvvaltr.controller.loop.movement import measure_pieces
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
@@ -359,7 +360,8 @@ def on_a_slope(number: int, drift_m_s: tuple[float, float]) -> LoggedTrial:
     velocity = (0.02 * math.cos(yaw) + drift_m_s[0], 0.02 * math.sin(yaw) + drift_m_s[1])
     poses = tuple(Pose(t, (velocity[0] * t, velocity[1] * t, 0.04), yaw) for t in (0.1 * step for step in range(41)))
     gait = Gait((12.0, -14.0, 9.0))
-    return replace(logged, trial=replace(logged.trial, gait=gait, poses=poses, duration_s=4.0), score=0.02)
+    trial = replace(logged.trial, gait=gait, poses=poses, duration_s=4.0)
+    return replace(logged, trial=trial, score=0.02, pieces=measure_pieces(trial))
 
 
 def test_a_bare_log_opens_as_well_as_its_directory(tmp_path: Path) -> None:
