@@ -26,7 +26,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.records import LoggedTrial
+from vvvaltr.controller.core.records import LoggedTrial, Piece
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, GaitSpace, Pose, Trial
 from vvvaltr.controller.loop.causes import find_loss_in
@@ -35,7 +35,7 @@ from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
-from vvvaltr.transfer.causes.floor import cut, learn_drift, weigh
+from vvvaltr.transfer.causes.floor import DriftLearner, cut, weigh
 from vvvaltr.transfer.causes.standing import find_standing
 from vvvaltr.transfer.causes.strength import find_loss
 from vvvaltr.transfer.causes.turning import find_turning
@@ -81,7 +81,8 @@ def run_floor(body: str, incline_rad: float, seed: int) -> list[dict[str, Any]]:
     scatter = f"hurried:incline_rad={incline_rad}"
     robot = TWINS["spatial"].make(body, seed=seed, scatter=scatter)
     azimuth_rad = Scatter().draw_azimuth_rad(seed)
-    random, pieces, driven, found = stream(seed, 0, "floor gaits"), [], [], []
+    random, learner = stream(seed, 0, "floor gaits"), DriftLearner()
+    pieces, driven, found = list[tuple[Piece, ...]](), list[Gait](), list[dict[str, Any]]()
     for number, gait in enumerate(_gaits(random, max(LOOKS), robot.range_hz[1]), start=1):
         trial = run_trial(robot, gait, SETTINGS, number)
         if trial.outcome.is_valid and (cuts := cut(trial.poses)):
@@ -89,7 +90,7 @@ def run_floor(body: str, incline_rad: float, seed: int) -> list[dict[str, Any]]:
             driven.append(gait)
         if number in LOOKS:
             begun_s = time.process_time()
-            drift = learn_drift(driven, pieces, [weigh(gait.frequency_hz) for gait in driven])
+            drift = learner.learn(driven, pieces, [weigh(gait.frequency_hz) for gait in driven])
             assert drift is not None
             off_rad = abs(math.remainder(drift.azimuth_rad - azimuth_rad, math.tau))
             found.append(
@@ -307,11 +308,11 @@ def main() -> None:
     if arguments.part == "floor":
         conditions = [(body, incline) for body in arguments.bodies for incline in arguments.inclines]
         truth = {each: measure_true_drift(*each) for each in conditions}
-        for body, incline in conditions:
-            for seed in seeds:
+        for seed in seeds:
+            for body, incline in conditions:
                 for row in run_floor(body, incline, seed):
                     keep(row)
-            summarise_floor(rows, {(body, incline): truth[body, incline]})
+        summarise_floor(rows, truth)
     elif arguments.part == "strength":
         for repeats in (0.4, 0.2, 0.1):
             for halves in (True, False):

@@ -8,8 +8,8 @@ cut into pieces; piece k of trial i moved the robot by
 with the duration T, the mean rotation R_k of the piece, the velocity g that all trials of the gait share in the robot's
 frame, its deviation u_i in this trial, the drift s, its deviation e_i (gaits feel a floor differently), and the trial's
 weight w_i, the sum of its squared frequencies over the usual one. All of it is Gaussian, so g, u and e are integrated
-out exactly. The sizes of drift, deviations and noise are averaged over a grid by their evidence; the size 0 of the
-drift is one of them, so that nothing is found on a level floor.
+out exactly. The sizes of drift, deviations and noise are averaged over a grid by their evidence. For each of them a
+level floor competes, with s = 0 but the same deviations: what only scatters is no drift.
 
 What a trial adds to a hypothesis depends on that trial and on the usual speed and weight alone, which are powers of 2.
 So it is computed once, and a new trial costs little.
@@ -35,7 +35,7 @@ SKIPPED_S = 0.5
 """Time at the start of a drive that is left out: motors are still speeding up."""
 
 _SIZES = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)  # of the drift, over the usual speed of a trial
-_PRIOR = (0.4, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1)
+_LEVEL = 0.25  # prior probability of a level floor
 _NOISES = (0.2, 0.45, 1.0)  # of a piece, over the trial's own speed
 _CHANGES = (0.1, 0.3)  # of a gait from trial to trial, over the trial's own speed
 _DIFFERS = 0.35  # standard deviation of e over the size of the drift
@@ -45,8 +45,9 @@ _LEAST_TURN_RAD = 0.1  # of the headings, else nothing tells the floor
 _WIDE = 3.0  # standard deviation of g, over the usual speed
 
 _GRID = np.array(list(product(_SIZES, _NOISES, _CHANGES)))  # (hypotheses, 3)
-_LOG_PRIOR = np.log(np.repeat(_PRIOR, len(_NOISES) * len(_CHANGES)))
 _IS_INCLINED = _GRID[:, 0] > 0.0
+_LOG_PRIOR = math.log((1.0 - _LEVEL) / _IS_INCLINED.sum())
+_LOG_PRIOR_LEVEL = math.log(_LEVEL / len(_GRID))
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,17 +250,20 @@ def _conclude(
     pulled_s = (pulled[..., 2:] - (by_gait[..., 2:, :2] @ cross[..., 2:])[..., 0]).sum(axis=0)
     covariances = np.linalg.inv(information)
     means = (covariances @ pulled_s[..., None])[..., 0]
-    value += np.where(_IS_INCLINED, np.linalg.slogdet(variance * information)[1] - (pulled_s * means).sum(axis=1), 0.0)
-    logs = _LOG_PRIOR - 0.5 * value
-    share = np.exp(logs - logs.max())
-    share = share / share.sum()
+    level = _LOG_PRIOR_LEVEL - 0.5 * value
+    value += np.linalg.slogdet(variance * information)[1] - (pulled_s * means).sum(axis=1)
+    inclined = np.where(_IS_INCLINED, _LOG_PRIOR - 0.5 * value, -np.inf)
+    greatest = max(level.max(), inclined.max())
+    share = np.exp(inclined - greatest)
+    share = share / (share.sum() + np.exp(level - greatest).sum())
+    probability = float(share.sum())
     mean = share @ means
-    off = means - mean
-    covariance = np.einsum("h,hij->ij", share, covariances + off[:, :, None] * off[:, None, :])
+    covariance = np.einsum("h,hij->ij", share, covariances + means[:, :, None] * means[:, None, :])
+    covariance -= np.outer(mean, mean)
     # What is left of a trial's pull once own velocity and drift are taken off tells its deviation e.
     own = cross[..., 2] - np.einsum("ghij,hj->ghi", cross[..., :2], means)
     theta = np.concatenate([own, np.broadcast_to(means, own.shape)], axis=-1)[group]
     left = pull[..., 2:] - np.einsum("nhij,nhj->nhi", precision[..., 2:, :], theta)
     deviation = ((_DIFFERS * _GRID[:, 0] * usual_m_s) ** 2)[:, None] * left
     of_trials = shares[:, None] * np.einsum("h,nhi->ni", share, means + deviation)
-    return Drift(mean, covariance, float(share[_IS_INCLINED].sum()), 1.0, of_trials)
+    return Drift(mean, covariance, probability, 1.0, of_trials)
