@@ -45,21 +45,21 @@ def _verdict(finding: Finding) -> str:
 
 
 def _list_ports() -> Answer:
-    from serial.tools import list_ports
+    from vvvaltr.controller.cli.init import as_data, describe
+    from vvvaltr.controller.robot.commissioning.plugged_in import look_around
 
-    ports = [{"port": port.device, "description": port.description} for port in list_ports.comports()]
-    interfaces = _can_interfaces()
-    lines = [f"{port['port']}: {port['description']}" for port in ports] or ["no serial port found"]
-    lines += [f"{name}: CAN interface" for name in interfaces] or ["no CAN interface found"]
-    lines.append("write the one with your motors into a robot's file, then: vvvaltr check robot.toml")
-    return Answer("\n".join(lines), {"serial_ports": ports, "can_interfaces": interfaces})
-
-
-def _can_interfaces() -> list[str]:
-    kind_of_can = "280"  # ARPHRD_CAN
-    return sorted(
-        kind.parent.name for kind in Path("/sys/class/net").glob("*/type") if kind.read_text().strip() == kind_of_can
-    )
+    found, silence = look_around()
+    lines = [describe(candidate) for candidate in found]
+    for kinds, nothing in ((("serial", "slcan"), "no serial port"), (("socketcan",), "no CAN interface")):
+        lines += [] if any(it.kind in kinds for it in found) else [f"{nothing} found"]
+    lines += [f"no strut in the air: {silence}"] if silence else []
+    lines.append("vvvaltr init writes a robot's file for the one with your motors, then: vvvaltr check robot.toml")
+    data = {
+        "serial_ports": [as_data(it) for it in found if it.kind in ("serial", "slcan")],
+        "can_interfaces": [it.address for it in found if it.kind == "socketcan"],
+        "struts": [it.address for it in found if it.kind == "bluetooth"],
+    }
+    return Answer("\n".join(lines), data)
 
 
 COMMAND = Subcommand(

@@ -24,7 +24,7 @@ GROUPS = {
     "find a gait": ("learn", "trial", "compare", "landscape", "experiment"),
     "drive the robot": ("repertoire", "go", "jog", "stop"),
     "look at what was measured": ("runs", "show", "view", "report", "export", "import", "foxglove-layout"),
-    "set a robot up": ("check", "calibrate", "camera", "track", "floor", "mock"),
+    "set a robot up": ("init", "check", "calibrate", "camera", "track", "floor", "mock"),
     "this program": ("completion",),
 }
 COMMANDS = tuple(name for names in GROUPS.values() for name in names)

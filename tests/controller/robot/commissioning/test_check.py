@@ -99,7 +99,7 @@ def test_without_a_file_ports_and_interfaces_are_listed(capsys: pytest.CaptureFi
     status, data = answer(capsys, "check")
 
     assert status == 0
-    assert set(data) == {"serial_ports", "can_interfaces"}
+    assert set(data) == {"serial_ports", "can_interfaces", "struts"}
 
 
 def test_a_bad_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
