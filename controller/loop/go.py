@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
@@ -13,7 +13,7 @@ from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
 from vvvaltr.controller.core.records import Displacement, LoggedTrial, SteeringStep
 from vvvaltr.controller.core.values import Outcome, Pose, Structure, Suggestion
 from vvvaltr.controller.loop.causes import describe_loss, find_loss_in
-from vvvaltr.controller.loop.movement import measure_applied, measure_movement
+from vvvaltr.controller.loop.movement import NO_HEADING, complete_record, lacks_heading
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.steersman import Onward, Steersman, Watch, primitive_settings
 from vvvaltr.controller.loop.thinking import AtOnce, Thinking
@@ -197,8 +197,7 @@ class Journey:
             self._record(LoggedTrial(suggestion, crash.trial, None, None, steering=step))
             raise
         speed_m_s = score(trial) if trial.outcome.is_valid else None
-        moved, applied = measure_movement(trial), measure_applied(trial)
-        logged = LoggedTrial(suggestion, trial, speed_m_s, None, moved, applied, steering=step)
+        logged = replace(complete_record(suggestion, trial, speed_m_s), steering=step)
         self._record(logged)
         self._take(logged)
         return logged
@@ -234,6 +233,8 @@ class Journey:
         self._failures = 0 if trial.outcome.is_valid else self._failures + 1
         if trial.outcome is Outcome.FAULTED and LOW_SUPPLY in trial.reason:
             self._reason = f"battery: {trial.reason}"
+        elif self._steersman.turns and lacks_heading(trial):
+            self._reason = NO_HEADING
         elif self._failures >= _FAILURES_IN_A_ROW:
             self._reason = (
                 f"{self._failures} primitives in a row failed, the last one so: {trial.outcome}: {trial.reason}"

@@ -20,7 +20,7 @@ from vvvaltr.controller.core.errors import SafetyStop
 from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Gait, Outcome, Pose, Structure, Suggestion
-from vvvaltr.controller.loop.movement import measure_applied, measure_movement
+from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.steersman import PrimitiveSettings, primitive_settings
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
@@ -164,7 +164,7 @@ def _hold(
         record(LoggedTrial(suggestion, crash.trial, None, None))
         raise
     speed_m_s = score(trial) if trial.outcome.is_valid else None
-    logged = LoggedTrial(suggestion, trial, speed_m_s, None, measure_movement(trial), measure_applied(trial))
+    logged = complete_record(suggestion, trial, speed_m_s)
     record(logged)
     return logged
 

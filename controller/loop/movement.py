@@ -9,6 +9,11 @@ from vvvaltr.controller.core.records import AppliedFrequencies, Displacement, Fi
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Pose, Recommendation, Suggestion, Trial
 
+NO_HEADING = "the tracker tells no heading: give it a body with one (docs/trackers.md), and look at it by vvvaltr track"
+"""Why a robot cannot be steered."""
+
+_ENOUGH_POSES, _MOVED_M = 20, 0.003
+
 
 def complete_record(
     suggestion: Suggestion,
@@ -21,6 +26,14 @@ def complete_record(
     movement, applied = measure_movement(trial), measure_applied(trial)
     pieces = measure_pieces(trial)
     return LoggedTrial(suggestion, trial, score_m_s, recommendation, movement, applied, fit=fit, pieces=pieces)
+
+
+def lacks_heading(trial: Trial) -> bool:
+    """Return whether a robot moved with the same heading to the last digit, as where a tracker tells none."""
+    poses = trial.poses
+    if len(poses) < _ENOUGH_POSES or len({pose.yaw_rad for pose in poses}) > 1:
+        return False
+    return max(math.dist(pose.position_m, poses[0].position_m) for pose in poses) > _MOVED_M
 
 
 def measure_movement(trial: Trial) -> Movement | None:

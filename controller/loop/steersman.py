@@ -61,6 +61,11 @@ class Steersman:
         self._seed, self._border, self._pause_s = seed, border, pause_s
         self._place = {gait: index for index, gait in enumerate(self.gaits)}
 
+    @property
+    def turns(self) -> bool:
+        """Whether any movement turns at all; on a line none does."""
+        return bool(self.knowledge.likely.movements[:, 2].any())
+
     def begin(self, number: int) -> None:
         """Draw, for primitive ``number``, what its plans take the movements for."""
         random = stream(self._seed, number, "steering")

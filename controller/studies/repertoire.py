@@ -15,7 +15,7 @@ from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_er
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, Outcome, Suggestion
-from vvvaltr.controller.loop.movement import measure_applied, measure_movement
+from vvvaltr.controller.loop.movement import NO_HEADING, complete_record, lacks_heading
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, run_trial
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
@@ -107,6 +107,8 @@ class RepertoireRun:
             chosen = next_gait(self.repertoire, config.range_hz, robot.motors.motor_count, random)
             logged = self._try(Suggestion(chosen.gait, chosen.why), number, settings)
             yield logged
+            if config.robot.name != "planar" and lacks_heading(logged.trial):
+                raise UserError(NO_HEADING)
             failures = 0 if logged.trial.outcome.is_valid else failures + 1
             _stop_if_hopeless(logged, failures)
 
@@ -127,8 +129,7 @@ class RepertoireRun:
             self.run.record(LoggedTrial(suggestion, crash.trial, None, None))
             raise
         speed_m_s = score(trial) if trial.outcome.is_valid else None
-        movement, applied = measure_movement(trial), measure_applied(trial)
-        logged = LoggedTrial(suggestion, trial, speed_m_s, None, movement, applied)
+        logged = complete_record(suggestion, trial, speed_m_s)
         self.run.record(logged)
         return logged
 

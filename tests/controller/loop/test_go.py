@@ -8,7 +8,7 @@ from gliding import GAITS, SETTINGS, TABLE, GlidingRobot, tried
 
 from vvvaltr.controller.core.errors import DeviceFault, TrackingLost
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Outcome
+from vvvaltr.controller.core.values import Outcome, Pose
 from vvvaltr.controller.loop.go import Ending, Journey
 from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.loop.steersman import Steersman
@@ -178,6 +178,20 @@ def test_a_robot_that_has_become_weak_on_the_way_says_so(repertoire: Repertoire)
     assert ending.reason.startswith("not there after 160 s")
     assert "the robot moves 0.3" in ending.reason
     assert "battery" in ending.reason
+
+
+class WithoutHeading(GlidingRobot):
+    """A robot whose tracker sees one point."""
+
+    def pose(self) -> Pose:
+        return replace(super().pose(), yaw_rad=0.0)
+
+
+def test_a_tracker_without_a_heading_is_told_after_the_first_primitive(repertoire: Repertoire) -> None:
+    ending, recorded = sent(WithoutHeading(), repertoire, Goal(0.3, 0.2))
+
+    assert len(recorded) == 1
+    assert ending.reason.startswith("the tracker tells no heading: ")
 
 
 def test_an_interrupt_is_recorded_and_ends_the_way(repertoire: Repertoire) -> None:
