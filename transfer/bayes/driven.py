@@ -51,7 +51,8 @@ class Driven:
         x: places (h, n, d) of the observations without the dead zone, in length scales.
         length: length scales (h, 1, d).
         signal: signal variances (h, 1).
-        trend: trends (h, n, t) of the observations.
+        trend: trends (h, n, t) of the observations, the first two those of the function to predict.
+        loading: correlation (h, 1, n) of the observations' functions with the one to predict.
         inverse_root, weights: those of the processes, (h, n, n) and (h, n).
     """
 
@@ -62,6 +63,7 @@ class Driven:
     length: Array
     signal: Array
     trend: Array
+    loading: Array
     inverse_root: Array
     weights: Array
 
@@ -80,6 +82,9 @@ class Driven:
             length,
             np.array([[each.signal_variance] for each in fitted]),
             np.array([process.observations.trend for process in processes]),
+            np.array([np.broadcast_to(process.observations.loading, process.weights.shape) for process in processes])[
+                :, None
+            ],
             np.array([process.inverse_root for process in processes]),
             np.array([process.weights for process in processes]),
         )
@@ -128,7 +133,7 @@ class Driven:
         squares = (warped**2).sum(axis=2)[:, :, None] + (self.x**2).sum(axis=2)[:, None]
         squares -= 2.0 * warped @ self.x.transpose(0, 2, 1)
         correlation, rise = matern(np.maximum(squares, 0.0))
-        signal = self.signal[:, :, None]
+        signal = self.signal[:, :, None] * self.loading
         common = RISE_SD * view.trend[:, :, None] * self.trend[:, None, :, 0] + LEVEL_SD * self.trend[:, None, :, 1]
         kernel, slope = signal * correlation + common, view.slope / self.length
         return _Near(kernel, signal * rise, warped, slope, view.trend, view.trend_slope)

@@ -77,7 +77,6 @@ class Hypotheses:
         drive: drive of the space.
         zones: the dead zones.
         processes: process of each.
-        evidence: log evidence (h,) of each.
     """
 
     drive: Drive
@@ -88,16 +87,31 @@ class Hypotheses:
     def condition(
         cls, drive: Drive, rows: Trials, scale: Scale, hyperparameters: Hyperparameters, last: Sequence[GaussianProcess]
     ) -> Hypotheses:
-        """Return the hypotheses given these rows: the ``last`` processes extended, or where there are none new ones."""
-        zones = DEAD_ZONES if drive.has_meaning else DEAD_ZONES[:1]
-        observed = [observe_drive(drive, rows, scale, zone) for zone in zones]
+        """Return the hypotheses given these rows: the first of the ``last`` processes extended, or else new ones."""
+        observed = [observe_drive(drive, rows, scale, zone) for zone in list_zones(drive)]
         if last:
-            return cls(drive, zones, tuple(one.extend(all_) for one, all_ in zip(last, observed, strict=True)))
-        return cls(drive, zones, tuple(GaussianProcess.condition(all_, hyperparameters) for all_ in observed))
+            return cls.of(drive, [one.extend(rows_) for one, rows_ in zip(last, observed, strict=False)])
+        return cls.of(drive, [GaussianProcess.condition(rows_, hyperparameters) for rows_ in observed])
+
+    @classmethod
+    def of(cls, drive: Drive, processes: Sequence[GaussianProcess]) -> Hypotheses:
+        """Return the hypotheses whose processes are the first of ``processes``."""
+        zones = list_zones(drive)
+        return cls(drive, zones, tuple(processes[: len(zones)]))
+
+    @property
+    def places_on_bounds(self) -> int:
+        """How many places on the cube's boundary a search for the best place scans."""
+        return PLACES_ON_BOUNDS if self.drive.has_meaning else 0
 
     def evidence(self) -> Array:
         """Return the log evidence (h,) of each."""
         return np.array([process.log_evidence() for process in self.processes])
+
+    def mean_evidence(self) -> float:
+        """Return the log of the evidence of all together, each as probable as another at first."""
+        evidence = self.evidence()
+        return float(evidence.max() + np.log(np.exp(evidence - evidence.max()).mean()))
 
     def chances(self) -> Array:
         """Return the probability (h,) of each."""
@@ -116,6 +130,11 @@ class Hypotheses:
     def best(self) -> int:
         """Return the position of the most probable one."""
         return int(np.argmax(self.evidence()))
+
+
+def list_zones(drive: Drive) -> tuple[float, ...]:
+    """Return the dead zones that are thought of: none but 0 where a drive has no meaning."""
+    return DEAD_ZONES if drive.has_meaning else DEAD_ZONES[:1]
 
 
 def learn_driven(
@@ -153,8 +172,9 @@ def believe(space: GaitSpace, scale: Scale, fitted: Conditioned, hypotheses: Hyp
     return replace(
         belief,
         posterior=hypotheses.posterior(),
+        seen=fitted.rows.x,  # not where they are without the dead zone
         hyperparameters=names,
-        bounds=PLACES_ON_BOUNDS if hypotheses.drive.has_meaning else 0,
+        bounds=hypotheses.places_on_bounds,
     )
 
 

@@ -12,6 +12,8 @@ from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import GaitSpace, Source
 from vvvaltr.transfer.bayes.acquisition import Posterior
 from vvvaltr.transfer.bayes.belief import Belief, learn_alone
+from vvvaltr.transfer.bayes.drive import Drive
+from vvvaltr.transfer.bayes.driven import LEVEL_SD, RISE, RISE_SD, Driven, observe_drive
 from vvvaltr.transfer.bayes.earlier_run import EarlierRun, learn_sources, propose_best
 from vvvaltr.transfer.bayes.fitting import Prior, fit
 from vvvaltr.transfer.bayes.gp import GaussianProcess
@@ -21,6 +23,7 @@ from vvvaltr.transfer.bayes.refitting import EVERY_TRIAL, Conditioned, Fitted, f
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.search import Search
 from vvvaltr.transfer.bayes.trials import Trials
+from vvvaltr.transfer.methods.drive import DEAD_ZONE, Hypotheses, learn_driven
 from vvvaltr.transfer.methods.icm import couple
 from vvvaltr.transfer.methods.method import Method
 from vvvaltr.transfer.methods.optimistic import OPTIMISM_SD, raise_prior_mean
@@ -41,8 +44,10 @@ LEAST_WEIGHT = 0.02
 class Guarded(Search):
     """Bayesian optimisation under several hypotheses of what the sources are worth, each with its probability.
 
-    One hypothesis is that no source says anything about the target. In each of the others one source, or all sources
-    alike, have a given correlation with the target, as in ``icm.ICM``. The target's trials decide between the
+    One hypothesis is that no source says anything about the target, of which nothing is known but what is known of any
+    robot: more drive moves more, as in ``drive.DriveBO``. So a source that says no more than that counts for nothing.
+    In each of the others one source, or all sources alike, have a given correlation with the target, as in
+    ``icm.ICM``. The target's trials decide between the
     hypotheses by Bayes' rule, and predictions are those of the mixture: a source that resembles the target is used from
     the first trial, one that does not is dropped after a few, and intervals are wide while the question is open.
 
@@ -50,8 +55,9 @@ class Guarded(Search):
     - The target's hyperparameters are expected near those of the sources, which have more trials to tell them.
     - The target's scale takes the sources' scores into account, times the factor by which the target is faster: the
       first trials are all meant to be good ones, so they tell little about the spread of scores.
-    - Every second trial is chosen from the target's trials alone, at first with optimism and later as in Plain-BO:
-      where all sources are wrong, only trials away from their good gaits can show it.
+    - Every second trial is chosen from the target's trials alone, as without a source: where all sources are wrong,
+      only trials away from their good gaits can show it. Where no frequency is searched, so that nothing is known of
+      the drive, these trials are chosen with optimism at first.
 
     Args:
         space: gaits to search.
@@ -63,15 +69,14 @@ class Guarded(Search):
     """
 
     def __init__(self, space: GaitSpace, seed: int, sources: Sequence[Source]) -> None:
-        runs = learn_sources(space, seed, sources)
+        runs, drive = learn_sources(space, seed, sources), Drive.of(space)
 
         def learn(trials: Trials, last: Fitted | None, rng: np.random.Generator) -> Belief:
-            return learn_with_doubt(space, runs, trials, last)
+            return learn_with_doubt(space, drive, runs, trials, last)
 
         def choose(trials: Trials, belief: Belief, rng: np.random.Generator) -> Proposal:
             if len(trials) % 2:
-                optimism = OPTIMISM_SD * math.exp(-len(trials) / OPTIMISM_DECAY_TRIALS)
-                belief = raise_prior_mean(believe_target(space, trials, belief, rng), optimism)
+                belief = believe_target(space, drive, trials, belief, rng)
             return maximise_improvement(belief, rng)
 
         super().__init__(space, seed, learn, begin_with(propose_best(runs), choose))
@@ -115,18 +120,23 @@ class Mixture:
         return self.weights @ means, np.tensordot(self.weights, slopes, 1)
 
 
-def believe_target(space: GaitSpace, trials: Trials, belief: Belief, rng: np.random.Generator) -> Belief:
-    """Return what the target's trials say by themselves.
+def believe_target(space: GaitSpace, drive: Drive, trials: Trials, belief: Belief, rng: np.random.Generator) -> Belief:
+    """Return what the target's trials say by themselves, with optimism where nothing is known of the drive.
 
     While there are few, their hyperparameters are fitted without regard to the sources; later these hardly matter.
     """
-    if len(trials) <= EVERY_TRIAL:
-        return learn_alone(space, trials, None, rng)
-    assert isinstance(belief.fitted, Conditioned)
-    return replace(belief, posterior=belief.fitted.process)
+    if len(trials) > EVERY_TRIAL:
+        assert isinstance(belief.fitted, Conditioned)
+        return replace(belief, posterior=Hypotheses.of(drive, belief.fitted.others).posterior())
+    if drive.has_meaning:
+        return learn_driven(space, drive, trials, None, rng)
+    optimism = OPTIMISM_SD * math.exp(-len(trials) / OPTIMISM_DECAY_TRIALS)
+    return raise_prior_mean(learn_alone(space, trials, None, rng), optimism)
 
 
-def learn_with_doubt(space: GaitSpace, runs: Sequence[EarlierRun], trials: Trials, last: Fitted | None) -> Belief:
+def learn_with_doubt(
+    space: GaitSpace, drive: Drive, runs: Sequence[EarlierRun], trials: Trials, last: Fitted | None
+) -> Belief:
     """Return what one or more trials of the target say together with the sources, as far as these can be trusted."""
     scale, prior = choose_common_scale(runs, trials), expect_like(runs)
     correlations, probabilities = list_hypotheses(len(runs))
@@ -136,28 +146,69 @@ def learn_with_doubt(space: GaitSpace, runs: Sequence[EarlierRun], trials: Trial
             return GaussianProcess.condition(observations, last.hyperparameters)
         return fit(observations, prior, [prior.mean] if last is None else [prior.mean, last.hyperparameters.logs])
 
-    fitted = follow(trials, last, lambda rows: rows.observe(scale), find)
-    coupled = [couple(runs, fitted.rows, scale, choice) for choice in correlations]
-    processes = follow_hypotheses(fitted, last, coupled)
+    zone = 0.0 if last is None else last.learned.get(DEAD_ZONE, 0.0)
+    fitted = follow(trials, last, lambda rows: observe_drive(drive, rows, scale, zone), find)
+    is_longer = isinstance(last, Conditioned) and not fitted.is_of(len(trials))
+    before = last.others if is_longer and isinstance(last, Conditioned) else ()
+    alone = Hypotheses.condition(drive, fitted.rows, scale, fitted.hyperparameters, before)
+    if not is_longer:
+        zone = alone.zones[alone.best()]
+        fitted = replace(fitted, process=alone.processes[alone.best()], learned={DEAD_ZONE: zone})
+    coupled = [couple_drive(drive, runs, fitted.rows, scale, choice, zone) for choice in correlations[1:]]
+    processes = follow_hypotheses(fitted, before[len(alone.processes) :], coupled)
     weights = probabilities
     if len(trials) > 1:  # the common scale is fitted to the first trial, which therefore decides nothing
         earlier = sum(len(run.trials) for run in runs)
-        evidence = np.array([process.log_evidence(given=earlier) for process in processes])
+        evidence = np.array([alone.mean_evidence(), *(process.log_evidence(given=earlier) for process in processes)])
         weights = probabilities * np.exp(evidence - evidence.max())
         weights /= weights.sum()
-    kept = np.flatnonzero(weights > LEAST_WEIGHT)
-    posterior = Mixture([processes[i] for i in kept], weights[kept] / weights[kept].sum())
-    belief = Belief.of(fitted.process, scale, space, replace(fitted, others=tuple(processes)))
+    posterior = mix(drive, alone, processes, zone, weights)
+    belief = Belief.of(fitted.process, scale, space, replace(fitted, others=(*alone.processes, *processes)))
     trust = {f"source_{i}_trust": float(weights[source != 0.0].sum()) for i, source in enumerate(correlations.T, 1)}
-    return replace(belief, posterior=posterior, hyperparameters={**belief.hyperparameters, **trust})
+    names = {**belief.hyperparameters, **trust}
+    return replace(
+        belief, posterior=posterior, seen=fitted.rows.x, hyperparameters=names, bounds=alone.places_on_bounds
+    )
+
+
+def mix(drive: Drive, alone: Hypotheses, coupled: Sequence[GaussianProcess], zone: float, weights: Array) -> Posterior:
+    """Return the posterior of no source (its weight is the first) and coupled ones, those that are probable enough."""
+    kept = np.flatnonzero(weights[1:] > LEAST_WEIGHT).tolist()
+    posteriors: list[Posterior] = []
+    shares = []
+    if weights[0] > LEAST_WEIGHT or not len(kept):
+        posteriors, shares = [alone.posterior()], [weights[0]]
+    if len(kept):
+        chances = weights[1:][kept]
+        shares.append(chances.sum())
+        zones = [zone] * len(kept)
+        posteriors.append(Driven.of(drive, chances / chances.sum(), zones, [coupled[i] for i in kept]))
+    return Mixture(posteriors, np.array(shares) / sum(shares)) if len(shares) > 1 else posteriors[0]
+
+
+def couple_drive(
+    drive: Drive, runs: Sequence[EarlierRun], trials: Trials, scale: Scale, correlations: Array, dead_zone: float
+) -> Observations:
+    """Return the trials of all tasks as observations of what the drive leaves to explain; see ``icm.couple``.
+
+    Each task has a coefficient of its own for the trend of the drive, and a mean of its own. So a source teaches only
+    what differs from gait to gait of like drive.
+    """
+    together = couple(runs, trials, scale, correlations)
+    view = drive.view(together.x, np.array([dead_zone]))
+    rise = view.trend[0]
+    task = np.repeat(np.arange(len(runs) + 1), [*(len(run.trials) for run in runs), len(trials)])
+    tasks = [len(runs), *range(len(runs))]  # the target's trend first, where ``Driven`` seeks it
+    trend = [np.where(task == i, part, 0.0) for i in tasks for part in (RISE_SD * rise, LEVEL_SD)]
+    return replace(together, x=view.warped[0], y=together.y - RISE * rise, trend=np.stack(trend, axis=1))
 
 
 def follow_hypotheses(
-    fitted: Conditioned, last: Fitted | None, coupled: Sequence[Observations]
+    fitted: Conditioned, last: Sequence[GaussianProcess], coupled: Sequence[Observations]
 ) -> list[GaussianProcess]:
     """Return the process of each hypothesis: the last one extended, or after a new fit one from the beginning."""
-    if isinstance(last, Conditioned) and not fitted.is_of(fitted.told):
-        return [process.extend(observations) for process, observations in zip(last.others, coupled, strict=True)]
+    if last:
+        return [process.extend(observations) for process, observations in zip(last, coupled, strict=True)]
     return [GaussianProcess.condition(observations, fitted.hyperparameters) for observations in coupled]
 
 

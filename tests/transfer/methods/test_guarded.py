@@ -1,3 +1,5 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -49,7 +51,30 @@ def test_every_second_trial_is_what_the_targets_own_trials_call_for() -> None:
         for search in searches:
             search.tell(gait, bump(gait))
         asked.append(searches[0].ask().gait == searches[1].ask().gait)
-    assert asked[2:] == [True, False] * 3
+    assert asked[2::2] == [True] * 3
+    assert not all(asked[3::2])
+
+
+def drive(gait: Gait) -> float:
+    """Speed in m/s of a robot that moves the faster, the harder it is shaken, whatever the senses of rotation."""
+    return float(0.002 * np.maximum(np.abs(gait.frequency_hz) - 6.0, 0.0).sum())
+
+
+def ruled(gait: Gait) -> float:
+    """The same where two motors must turn against each other."""
+    return drive(gait) * (1.0 - 0.8 * float(np.tanh(0.2 * gait.frequency_hz[0]) * np.tanh(0.2 * gait.frequency_hz[1])))
+
+
+@pytest.mark.parametrize(("says", "low", "high"), [(drive, 0.0, 0.9), (ruled, 0.98, 1.0)])
+def test_a_source_that_only_says_that_strong_gaits_are_fast_gains_little_trust(
+    says: Callable[[Gait], float], low: float, high: float
+) -> None:
+    gaits = source(1.0).gaits
+    optimizer, rng = Guarded(SPACE, 3, [Source("earlier", gaits, tuple(map(says, gaits)))]), np.random.default_rng(0)
+    for place in np.random.default_rng(6).random((20, 3)):
+        gait = SPACE.from_unit(place)
+        optimizer.tell(gait, ruled(gait) * (1.0 + 0.1 * rng.normal()))
+    assert low <= optimizer.ask().hyperparameters["source_1_trust"] <= high
 
 
 @pytest.mark.parametrize("sources", [1, 2, 3])
