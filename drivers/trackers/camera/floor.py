@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping
 
+from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.drivers.trackers.camera.edges import centre_of
 from vvvaltr.drivers.trackers.camera.setup import find_sharp_corners
 from vvvaltr.drivers.trackers.camera.tags import Picture, TagFinder
@@ -33,10 +34,10 @@ class FloorWatch:
         self._turns = itertools.cycle(places_m)
         self._moved: dict[int, float] = {}
 
-    def check(self, grey: Picture) -> str:
-        """Look at the next floor tag. Returns why poses cannot be trusted; empty while all tags seen are in place."""
+    def check(self, grey: Picture) -> TrackingLost | None:
+        """Look at the next floor tag. Returns why poses cannot be trusted; None while all tags seen are in place."""
         if not self._places_m:
-            return ""
+            return None
         number = next(self._turns)
         off_m = self._off_m(number, grey)
         if off_m > _MOVED_M + 3.0 * self._view.error_m:
@@ -44,11 +45,10 @@ class FloorWatch:
         elif not math.isnan(off_m):  # one that is covered says nothing
             self._moved.pop(number, None)
         if not self._moved:
-            return ""
+            return None
         number, off_m = max(self._moved.items(), key=lambda item: item[1])
-        return (
-            f"floor tag {number} is {1000.0 * off_m:.0f} mm off: camera or tag was moved; put it back, or start again"
-        )
+        what = f"floor tag {number} is {1000.0 * off_m:.0f} mm off: camera or tag was moved"
+        return TrackingLost(what, "put it back, or start again")
 
     def _off_m(self, number: int, grey: Picture) -> float:
         """Return how far a floor tag is from its place; NaN where it is not seen well."""

@@ -49,6 +49,7 @@ class Unseen(Message, frozen=True):
 
     t_s: float
     reason: str
+    cure: str = ""
 
 
 class Kept(Message, frozen=True):

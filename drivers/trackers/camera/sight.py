@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.drivers.trackers.camera.edges import corners_from, side_points
 from vvvaltr.drivers.trackers.camera.tags import Picture, TagFinder
 from vvvaltr.drivers.trackers.camera.view import View
@@ -53,8 +54,8 @@ class Sighting:
     corners_px: Array
 
 
-class Unseen(Exception):
-    """The tag is not in the picture, or not to be trusted: says why."""
+class Unseen(TrackingLost):
+    """The tag is not in the picture, or not to be trusted: says why, and the cure."""
 
 
 class Sight:
@@ -75,14 +76,15 @@ class Sight:
         """Return where the tag is. Raises Unseen."""
         rough = self._finder.find(grey)
         if rough is None:
-            raise Unseen(f"the camera does not see tag {self.tag.id}")
+            raise Unseen(f"the camera does not see tag {self.tag.id}", "put it into the picture, and light it evenly")
         points = side_points(grey, rough)
         if points is None:
-            raise Unseen(f"tag {self.tag.id} leaves the picture")
+            raise Unseen(f"tag {self.tag.id} leaves the picture", "put the robot nearer to the middle")
         plane = self.view.on_plane(points.reshape(-1, 2), self.tag.height_m).reshape(points.shape)
         corners = corners_from(plane)
         if corners is None:
-            raise Unseen(f"the edges of tag {self.tag.id} are covered or blurred")
+            cure = "clear the camera's view, and focus it; a shorter tracker.exposure_s blurs less"
+            raise Unseen(f"the edges of tag {self.tag.id} are covered or blurred", cure)
         return self._sighting(corners, rough)
 
     def _sighting(self, corners_m: Array, corners_px: Array) -> Sighting:
@@ -93,11 +95,12 @@ class Sight:
         turn = complex(np.vdot(_SQUARE, places - centre)) / (2.0 * size_m)
         if not _NARROWEST < abs(turn) < _WIDEST:
             raise Unseen(
-                f"tag {self.tag.id} looks {1000 * size_m * abs(turn):.1f} mm wide, and should be {1000 * size_m:g} mm; "
-                "correct tag.size_m, tag.height_m or the camera's height"
+                f"tag {self.tag.id} looks {1000 * size_m * abs(turn):.1f} mm wide, and should be {1000 * size_m:g} mm",
+                "correct tag.size_m, tag.height_m or the camera's height",
             )
         off = np.abs(places - centre - size_m * turn * _SQUARE)
         if (worst_m := float(off.max())) > _LEAST_SQUARE * size_m:
-            raise Unseen(f"tag {self.tag.id} is not square: a corner is {1000 * worst_m:.1f} mm off; it is covered")
+            what = f"tag {self.tag.id} is not square: a corner is {1000 * worst_m:.1f} mm off"
+            raise Unseen(what, "uncover it, or lay it flat")
         off = np.abs(places - centre - size_m * turn / abs(turn) * _SQUARE)
         return Sighting(centre.real, centre.imag, cmath.phase(turn), math.sqrt(float(np.mean(off**2))), corners_px)

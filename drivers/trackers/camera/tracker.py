@@ -51,9 +51,10 @@ class CameraTracker:
     def __init__(self, table: CameraTable) -> None:
         require_opencv()
         self._table = table
-        # The newest pose, or why there is none: one attribute, for two threads share it.
-        self._newest: Pose | str = "no picture has been seen yet"
-        self._unseen, self._is_over = "", False
+        # The newest pose, or why there is none and the cure: one attribute, for two threads share it.
+        self._newest: Pose | tuple[str, str] = ("no picture has been seen yet", "")
+        self._unseen: tuple[str, str] = ("", "")
+        self._is_over = False
         self._photos: deque[Photo] = deque(maxlen=_MOST_PHOTOS)
         command = [sys.executable, "-P", "-m", _WATCHER]
         pipe = subprocess.PIPE
@@ -72,12 +73,13 @@ class CameraTracker:
     def pose(self) -> Pose:
         """Return the newest pose. Raises TrackingLost if it is too old, or there will be none."""
         newest = self._newest
-        if isinstance(newest, str):
-            raise TrackingLost(newest)
+        if isinstance(newest, tuple):
+            raise TrackingLost(*newest)
         age_s = time.monotonic() - newest.t_s
         if age_s > self._table.age_limit_s:
             limit = f"the last pose is {age_s:.2f} s old; the limit is {self._table.age_limit_s:g} s"
-            raise TrackingLost(f"{self._unseen}; {limit}" if self._unseen else limit)
+            reason, cure = self._unseen
+            raise TrackingLost(f"{reason}; {limit}" if reason else limit, cure)
         return newest
 
     def take_photos(self) -> tuple[Photo, ...]:
@@ -120,11 +122,11 @@ class CameraTracker:
             case messages.Seen():
                 place = (news.x_m, news.y_m, self._table.tag.height_m)
                 pose = Pose(news.t_s, place, news.yaw_rad, uncertainty_m=news.uncertainty_m)
-                self._newest, self._unseen = pose, ""
+                self._newest, self._unseen = pose, ("", "")
             case messages.Unseen():
-                self._unseen = news.reason
-                if isinstance(self._newest, str):
-                    self._newest = news.reason
+                self._unseen = news.reason, news.cure
+                if isinstance(self._newest, tuple):
+                    self._newest = self._unseen
             case messages.Kept():
                 self._photos.append(Photo(news.t_s, news.jpeg))
             case messages.Ready():
@@ -136,7 +138,7 @@ class CameraTracker:
     def _end(self, reason: str) -> None:
         """Have no pose any more. The first reason is the true one."""
         if not self._is_over:
-            self._newest, self._is_over = reason, True
+            self._newest, self._is_over = (reason, ""), True
         if not self._opened.is_set():
             self._answer = reason
             self._opened.set()

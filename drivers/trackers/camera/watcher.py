@@ -16,7 +16,7 @@ from typing import IO
 
 import msgspec
 
-from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.errors import TrackingLost, UserError
 from vvvaltr.drivers.trackers.camera import messages
 from vvvaltr.drivers.trackers.camera.floor import FloorWatch
 from vvvaltr.drivers.trackers.camera.setup import find_view
@@ -100,13 +100,13 @@ def _ready(source: Source, sight: Sight) -> messages.Ready:
 
 def _look_on(table: CameraTable, source: Source, sight: Sight, say: _Speech) -> None:
     keep_s = check_s = -math.inf
-    floor, problem = FloorWatch(sight.view, table.floor_m), ""
+    floor, problem = FloorWatch(sight.view, table.floor_m), None
     while True:
         frame = source.newest()
         if frame.t_s >= check_s:
             check_s = frame.t_s + _CHECK_S
             problem = floor.check(frame.grey)
-        say(messages.Unseen(frame.t_s, problem) if problem else _news(frame, sight, table.tag))
+        say(_loss(frame, problem) if problem else _news(frame, sight, table.tag))
         if table.pictures and frame.t_s >= keep_s:
             keep_s = frame.t_s + _KEEP_S
             say(messages.Kept(frame.t_s, _jpeg(frame.grey)))
@@ -116,8 +116,12 @@ def _news(frame: Frame, sight: Sight, tag: TagTable) -> messages.Seen | messages
     try:
         seen = sight.read(frame.grey)
     except Unseen as unseen:
-        return messages.Unseen(frame.t_s, str(unseen))
+        return _loss(frame, unseen)
     return messages.Seen(frame.t_s, *robot_place(seen, tag), seen.uncertainty_m)
+
+
+def _loss(frame: Frame, lost: TrackingLost) -> messages.Unseen:
+    return messages.Unseen(frame.t_s, lost.reason, lost.cure)
 
 
 def robot_place(seen: Sighting, tag: TagTable) -> tuple[float, float, float]:
