@@ -26,18 +26,22 @@ def add_following_arguments(group: ArgumentParser | _ArgumentGroup) -> None:
 
 
 def open_events(arguments: Namespace, stack: ExitStack) -> list[Observer]:
-    """Return the observer that ``--events`` asks for, if it does; ``stack`` closes it.
+    """Return the observers that ``--events`` and systemd ask for, if they do; ``stack`` closes them.
 
     Raises:
         UserError: its file cannot be written, or Rerun is missing for ``--live``.
     """
     from vvvaltr.controller.runs.events import EventStream
+    from vvvaltr.controller.runs.service import ServiceNotices
 
     if arguments.live:
         require_rerun()
-    if arguments.events is None:
-        return []
-    return [stack.enter_context(closing(EventStream.open(arguments.events)))]
+    followers: list[Observer] = []
+    if (notices := ServiceNotices.from_environment()) is not None:
+        followers.append(stack.enter_context(closing(notices)))
+    if arguments.events is not None:
+        followers.append(stack.enter_context(closing(EventStream.open(arguments.events))))
+    return followers
 
 
 def open_live_view(arguments: Namespace, stack: ExitStack, open_view: Callable[[], LiveView]) -> LiveView | None:

@@ -66,6 +66,8 @@ def _add_arguments(parser: ArgumentParser) -> None:
     where = group.add_mutually_exclusive_group()
     where.add_argument("--out", type=Path, metavar="DIR", help="new directory for the run (default runs/DATE-ROBOT)")
     where.add_argument("--resume", type=Path, metavar="DIR", help="continue the run in this directory")
+    group.add_argument("--or-resume", action="store_true",
+                       help="continue the run in --out, if there is one already: for a service")  # fmt: skip
     group.add_argument("--no-recording", action="store_true", help="do not write the Rerun recording, run.rrd")
     add_following_arguments(group)
 
@@ -86,6 +88,8 @@ def _execute(arguments: Namespace) -> Answer:
     asked = _asked(arguments)
     with ExitStack() as stack:
         observers = open_events(arguments, stack)
+        if arguments.or_resume and arguments.out is not None and arguments.out.exists():
+            arguments.resume = arguments.out
         if arguments.resume is not None:
             run = RunDirectory.resume(arguments.resume, asked)
         else:

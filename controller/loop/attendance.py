@@ -48,6 +48,7 @@ class Attendance:
         review_s: how long the operator may think about a trial before it is kept.
         park: stops the motors and lets go of their lines until the next trial; None where that cannot be done.
         park_after_s: how long a pause lasts until then.
+        obstruct: returns what else keeps a trial from beginning, such as a full disk; empty for nothing.
         announce: told what is waited for, once each time.
     """
 
@@ -60,7 +61,9 @@ class Attendance:
         review_s: float = 3.0,
         park: Callable[[], None] | None = None,
         park_after_s: float = 60.0,
+        obstruct: Callable[[], str] = lambda: "",
     ) -> None:
+        self._obstruct = obstruct
         self.robot: Robot = robot if operator is None else _HeardRobot(robot, self._hear)
         self.announce: Callable[[str], None] = lambda text: None
         self.is_ending = False  # because the operator wants it
@@ -83,13 +86,18 @@ class Attendance:
         back = Return(self._placement, self._sight, self._hand)
         pause = _Pause(self._park, self._park_after_s)
         while not self.is_ending:
-            obstacle = self._pause or back.obstacle()
+            hindrance = self._obstruct()
+            if hindrance and self._operator is None:
+                raise UserError(f"trial {number} cannot begin: {hindrance}")
+            obstacle = self._pause or hindrance or back.obstacle()
             if not obstacle:
                 return Wish.GO
             if self._operator is None and back.is_hopeless:
                 raise UserError(f"trial {number} cannot begin: {obstacle}; {back.cure}")
-            if self._pause or back.is_for_somebody:
-                self._announce_once(f"trial {number} waits: {self._pause or 'the robot is to be put back'}")
+            if self._pause or hindrance or back.is_for_somebody:
+                self._announce_once(
+                    f"trial {number} waits: {self._pause or hindrance or 'the robot is to be put back'}"
+                )
             pause.look()
             for request in self._ask(Stage.WAITING, f"trial {number}: {obstacle}", _LOOK_S):
                 if request.wish is Wish.SKIP and can_skip:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 from vvvaltr.controller.core.attending import Operator
 from vvvaltr.controller.core.errors import one_line_errors
@@ -10,6 +13,7 @@ from vvvaltr.controller.loop.attendance import Attendance
 from vvvaltr.controller.loop.putting_back import Placement, Reposition
 from vvvaltr.controller.robot.opening import Rig
 
+_LEAST_BYTES = 8_000_000  # of some trials with pictures
 _REVIEW_S = 3.0  # how long the operator may think about a trial before it is kept
 
 
@@ -31,7 +35,7 @@ class Attended:
     park_after_s: float = 60.0
 
 
-def make_attendance(rig: Rig, attended: Attended, is_twin: bool) -> Attendance:
+def make_attendance(rig: Rig, attended: Attended, is_twin: bool, folder: Path) -> Attendance:
     """Return what a run on this rig waits for. Raises UserError where the robot cannot be put back as asked."""
     with one_line_errors():
         if is_twin and attended.reposition is not None:
@@ -47,4 +51,16 @@ def make_attendance(rig: Rig, attended: Attended, is_twin: bool) -> Attendance:
     # Beside a mock with a hand a person only looks on: nobody is waited for.
     review_s = _REVIEW_S if hand is None else 0.0
     robot = rig.robot
-    return Attendance(robot, placement, attended.operator, hand, review_s, robot.park, attended.park_after_s)
+    room = partial(find_lack_of_room, folder)
+    return Attendance(robot, placement, attended.operator, hand, review_s, robot.park, attended.park_after_s, room)
+
+
+def find_lack_of_room(folder: Path, least_bytes: int = _LEAST_BYTES) -> str:
+    """Return what is wrong where a disk has not the room for some more trials; empty where it has."""
+    try:
+        free_bytes = shutil.disk_usage(folder).free
+    except OSError:  # the folder was moved or deleted, of which the log tells
+        return ""
+    if free_bytes >= least_bytes:
+        return ""
+    return f"the disk of {folder} has {free_bytes / 1e6:.1f} MB left: free some space, then continue by --resume"

@@ -125,7 +125,7 @@ class RunDirectory:
         settings = settings_of(self.config, self._rig)
         history, all_observers = tuple(self.trials), [_Summary(self), *observers]
         budget = _make_budget(self.config)
-        attendance = make_attendance(self._rig, attended or Attended(), is_twin=self.config.robot.is_twin)
+        attendance = make_attendance(self._rig, attended or Attended(), self.config.robot.is_twin, self.path)
         if watch:
             attendance.robot = watch(attendance.robot)
         robot = self._rig.robot
