@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("experiment", metavar="NAME", help="1, 2, 3, thesis (these three), controls or all; "
-                        "or one of 1b, 2-friction, unrelated, inverted")  # fmt: skip
+                        "or one of 1b, 2-friction, unrelated, inverted, shuffled")  # fmt: skip
     parser.add_argument("--out", type=Path, metavar="DIR", help="directory of the campaign; an interrupted one "
                         "continues there (default runs/experiments-ROBOT)")  # fmt: skip
     group = parser.add_argument_group("campaign")

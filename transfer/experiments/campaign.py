@@ -74,7 +74,8 @@ def plan_units(pair: Pair, settings: Settings, repeat: int, methods: Sequence[st
         unit = replace(alone, method=method)
         if not METHODS[method].uses_sources:
             return unit
-        return replace(unit, trials=afters[-1], checkpoints=afters, source=source, inverted=pair.inverted)
+        unit = replace(unit, inverted=pair.inverted, shuffled=pair.shuffled)
+        return replace(unit, trials=afters[-1], checkpoints=afters, source=source)
 
     return PairUnits(
         pair,
@@ -127,4 +128,4 @@ def _load_source(store: Store, unit: Unit) -> Source | None:
     if unit.source is None:
         return None
     run = store.load(unit.source).until((unit.trials,))
-    return run.source(unit.source.condition.name, unit.inverted)
+    return run.source(unit.source.condition.name, unit.inverted, unit.shuffled)

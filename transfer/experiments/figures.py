@@ -110,13 +110,15 @@ def draw_learned(found: Surfaces, pair: PairFindings) -> Figure:
             axes.tick_params(labelbottom=True)
         figure.colorbar(mesh, ax=list(grid[:, column]), label="expected speed (mm/s)", location="bottom", shrink=0.8)
         grid[0, column].set_title(
-            f"{role}: {title}{_upside_down(role, pair)}\n\n" + grid[0, column].get_title(), fontsize=9
+            f"{role}: {title}{_how_changed(role, pair)}\n\n" + grid[0, column].get_title(), fontsize=9
         )
     return figure
 
 
-def _upside_down(role: str, pair: PairFindings) -> str:
-    return " (before it is turned upside down)" if role == "source" and pair.pair.inverted else ""
+def _how_changed(role: str, pair: PairFindings) -> str:
+    if role != "source" or not (pair.pair.inverted or pair.pair.shuffled):
+        return ""
+    return f" (before its scores are {'turned upside down' if pair.pair.inverted else 'dealt out by strength'})"
 
 
 def _others(found: PairFindings) -> list[tuple[str, MethodFindings]]:

@@ -105,6 +105,7 @@ def _section(store: Store, it: PairFindings, folder: Path) -> str:
     _, space = open_condition(store.settings, pair.target, seed=0)
     learned = fit_surfaces(space, it.source_runs, it.target_runs)
     inverted = ", its scores turned upside down" if pair.inverted else ""
+    inverted += ", its scores dealt out by the strength of its gaits" if pair.shuffled else ""
     return "\n".join([
         f"<h2 id='{escape(pair.key)}'>{escape(_title(it))}</h2>",
         f"<p>{escape(pair.why)} Source: {escape(pair.source.title)}{inverted}. Target: {escape(pair.target.title)}. "

@@ -61,6 +61,8 @@ class Pair:
         why: purpose of the experiment, in a sentence.
         inverted: whether the source's scores are turned upside down, which makes it the most misleading source.
         published: the thesis' figures, where the experiment is one of its three.
+        shuffled: whether the source's scores are dealt out anew, the best one to the strongest gait and so on, so that
+            all it says is that strong gaits are fast.
     """
 
     key: str
@@ -71,6 +73,7 @@ class Pair:
     why: str
     inverted: bool = False
     published: Published | None = None
+    shuffled: bool = False
 
 
 BODIES = {"planar": ("prism3", "icosahedron6"), "spatial": ("icosahedron6", "prism3")}
@@ -87,8 +90,8 @@ GROUPS = {
     "2": ("2", "2-friction"),
     "3": ("3",),
     "thesis": ("1", "1b", "2", "2-friction", "3"),
-    "controls": ("unrelated", "inverted"),
-    "all": ("1", "1b", "2", "2-friction", "3", "unrelated", "inverted"),
+    "controls": ("unrelated", "inverted", "shuffled"),
+    "all": ("1", "1b", "2", "2-friction", "3", "unrelated", "inverted", "shuffled"),
 }
 """Names of groups of experiments, each with its experiments' keys."""
 
@@ -118,6 +121,9 @@ def list_pairs(robot: str) -> tuple[Pair, ...]:
              "A control: the source has next to nothing to teach, and it should do no harm."),
         Pair("inverted", "a source turned upside down", lighter, rough, 40,
              "A control: the source of 1b with its best gaits as the worst, which should do no harm.", inverted=True),
+        Pair("shuffled", "a source that only says that strong gaits are fast", lighter, rough, 40,
+             "A control: the source of 1b with its scores dealt out by the strength of the gaits. What it gains is "
+             "known without a source.", shuffled=True),
     )  # fmt: skip
 
 

@@ -81,6 +81,7 @@ class Unit:
         checkpoints: trials after which the true speed of the recommended gait is measured.
         source: run to learn from; None for none.
         inverted: whether the source's scores are turned upside down.
+        shuffled: whether the source's scores are dealt out by the strength of its gaits.
     """
 
     condition: Condition
@@ -91,11 +92,13 @@ class Unit:
     checkpoints: tuple[int, ...] = ()
     source: Unit | None = None
     inverted: bool = False
+    shuffled: bool = False
 
     @property
     def name(self) -> str:
         """Name, unique within a campaign; also the path of the unit's file."""
-        origin = f"-from-{self.source.condition.name}{'-inverted' * self.inverted}" if self.source else ""
+        twist = "-inverted" * self.inverted + "-shuffled" * self.shuffled
+        origin = f"-from-{self.source.condition.name}{twist}" if self.source else ""
         return f"{self.condition.name}-{self.trials}/{self.method}{origin}/{self.repeat:03}-{self.role}"
 
 
@@ -139,9 +142,18 @@ class Result:
         """Return the result as of the last of ``checkpoints``, with the true speeds at these checkpoints only."""
         return Result(self.steps[: checkpoints[-1]], tuple(it for it in self.truths if it.after in checkpoints))
 
-    def source(self, name: str, inverted: bool) -> Source:
-        """Return the run as a source. ``inverted`` mirrors its scores between the lowest and the highest."""
+    def source(self, name: str, inverted: bool, shuffled: bool = False) -> Source:
+        """Return the run as a source.
+
+        ``inverted`` mirrors its scores between the lowest and the highest. ``shuffled`` deals them out by the sum of
+        the motors' speeds: the best score to the gait with the greatest sum, and so on.
+        """
         scores = [step.score_m_s for step in self.steps]
+        if shuffled:
+            strengths = [sum(map(abs, step.gait_hz)) for step in self.steps]
+            ranks = sorted(range(len(scores)), key=strengths.__getitem__)
+            by_gait = dict(zip(ranks, sorted(scores), strict=True))
+            scores = [by_gait[number] for number in range(len(scores))]
         if inverted:
             scores = [min(scores) + max(scores) - score for score in scores]
         return Source(name, tuple(Gait(step.gait_hz) for step in self.steps), tuple(scores))

@@ -192,6 +192,15 @@ def test_an_inverted_source_calls_the_slowest_gait_the_fastest(campaign: Store) 
     assert max(upright.scores) == pytest.approx(max(inverted.scores))
 
 
+def test_a_shuffled_source_says_no_more_than_that_strong_gaits_are_fast(campaign: Store) -> None:
+    result = campaign.load(plan_units(find_pairs("planar", "shuffled")[0], QUICK, 1, METHODS).source)
+    upright, shuffled = result.source("a", inverted=False), result.source("a", inverted=False, shuffled=True)
+    assert shuffled.gaits == upright.gaits
+    assert sorted(shuffled.scores) == sorted(upright.scores)
+    by_strength = sorted(zip(shuffled.gaits, shuffled.scores, strict=True), key=lambda it: sum(it[0].frequency_hz))
+    assert [score for _, score in by_strength] == sorted(upright.scores)
+
+
 def test_findings_compare_every_method_with_plain(campaign: Store) -> None:
     found = as_json(gather_findings(campaign))
 
