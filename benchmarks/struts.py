@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import random
 import signal
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -23,13 +23,15 @@ from vvvaltr.controller.core.errors import DeviceError
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.robot.hardware import open_motors
 from vvvaltr.controller.robot.robot_file import load_robot_file
+from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 
 WAYS = ("kill", "drop_out", "unplug")
 """Ways to lose a link: the program is killed, a strut leaves, the adapter is pulled."""
 
 _GAIT = Gait((9.0, -12.0, 15.0))
-_OPENING_S, _REST_S = 20.0, 1.5
+_OPENING_S, _NOTICED_S, _REST_S = 60.0, 5.0, 1.5
+_RISE_S, _AWAY_S = 0.2, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,7 @@ class Loss:
     Args:
         way: how it was lost.
         rest_s: time until all motors were off; None if one was left on.
-        was_noticed: whether the program, unless it was killed, ended by itself.
+        was_noticed: whether the program was told, unless it was killed.
     """
 
     way: str
@@ -65,50 +67,72 @@ def lose_links(repeats: int, seed: int, firmware: str = "vvvaltr") -> Iterator[L
         allowed = text.replace("allow_no_watchdog = false", "allow_no_watchdog = true")
         observed.robot_file.write_text(allowed, encoding="utf-8")
         for number in range(repeats):
-            yield _lose(observed, ways[number % len(ways)], dice)
+            way, moment_s, motor = ways[number % len(ways)], dice.uniform(0.0, 0.4), dice.randint(1, 3)
+            fault = None if way == "kill" else Fault(Kind(way), at_s=0.0, motor=motor, duration_s=_AWAY_S)
+            yield _kill(observed, moment_s) if fault is None else _cut(observed, moment_s, fault)
 
 
-def _lose(observed: ObservedDevice, way: str, dice: random.Random) -> Loss:
-    context = get_context("forkserver")
-    context.set_forkserver_preload(["benchmarks.observed", "vvvaltr.controller.robot.hardware"])
-    program = context.Process(target=_drive, args=(observed.robot_file,), daemon=True)
+def _kill(observed: ObservedDevice, moment_s: float) -> Loss:
+    """Kill a program that drives."""
+    program = get_context("spawn").Process(target=_drive_for_ever, args=(observed.robot_file,), daemon=True)
     program.start()
-    assert program.pid is not None
     _wait_until_on(observed)
-    time.sleep(dice.uniform(0.0, 0.4))
+    time.sleep(moment_s)
+    assert program.pid is not None
     lost_s = time.monotonic()
-    if way == "kill":
-        os.kill(program.pid, signal.SIGKILL)
-    else:
-        observed.inject(Fault(Kind(way), at_s=0.0, motor=dice.randint(1, 3), duration_s=dice.uniform(0.35, 1.0)))
-    rest_s = None
-    with suppress(TimeoutError):
-        rest_s = max(0.0, observed.rested_s(_REST_S) - lost_s)
-    program.join(_REST_S)
-    was_noticed = not program.is_alive()
-    program.kill()
+    os.kill(program.pid, signal.SIGKILL)
+    rest_s = _rest_s(observed, lost_s)
     program.join()
-    return Loss(way, rest_s, was_noticed)
+    return Loss("kill", rest_s, was_noticed=True)
 
 
-def _drive(robot_file: Path) -> None:
-    """Drive until the links are lost."""
-    end_s = time.monotonic() + _OPENING_S
-    while time.monotonic() < end_s:
-        with suppress(DeviceError):  # a strut that has lost its link takes a moment to be found again
-            motors = open_motors(load_robot_file(robot_file).line[0])
-            break
+def _cut(observed: ObservedDevice, moment_s: float, fault: Fault) -> Loss:
+    """Let a fault cut the links of a drive, which goes on until it notices."""
+    motors = _open(observed.robot_file)
+    lost_s, was_noticed, began_s = math.inf, False, time.monotonic()
     try:
-        while True:
+        while time.monotonic() < began_s + _NOTICED_S:
             motors.drive(_GAIT, 0.25)
+            if lost_s == math.inf and time.monotonic() > began_s + _RISE_S + moment_s:
+                lost_s = time.monotonic()
+                observed.inject(fault)
             time.sleep(0.04)
             motors.state()
     except DeviceError:
-        motors.close()
+        was_noticed = lost_s < math.inf
+    rest_s = _rest_s(observed, lost_s)
+    motors.close()
+    return Loss(fault.kind, rest_s, was_noticed)
+
+
+def _open(robot_file: Path) -> HeldMotors:
+    """Open the motors, once the links can be made again."""
+    end_s = time.monotonic() + _OPENING_S
+    while True:
+        try:
+            return open_motors(load_robot_file(robot_file).line[0])
+        except DeviceError:
+            if time.monotonic() > end_s:
+                raise
+        time.sleep(0.05)
+
+
+def _drive_for_ever(robot_file: Path) -> None:
+    motors = _open(robot_file)
+    while True:
+        motors.drive(_GAIT, 0.25)
+        time.sleep(0.04)
+
+
+def _rest_s(observed: ObservedDevice, lost_s: float) -> float | None:
+    """Return how long after ``lost_s`` all motors were off; None if they were not in time."""
+    try:
+        return max(0.0, observed.rested_s(_REST_S) - lost_s)
+    except TimeoutError:
+        return None
 
 
 def _wait_until_on(observed: ObservedDevice) -> None:
-    observed.note()
     end_s = time.monotonic() + _OPENING_S
     while observed.note().are_all_off:
         if time.monotonic() > end_s:
@@ -124,7 +148,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="seed of moments and struts (default 0)")
     parser.add_argument("--firmware", default="vvvaltr", help="what the struts run (default vvvaltr)")
     arguments = parser.parse_args()
-    losses = list(lose_links(arguments.repeats, arguments.seed, arguments.firmware))
+    losses = []
+    for loss in lose_links(arguments.repeats, arguments.seed, arguments.firmware):
+        losses.append(loss)
+        if len(losses) % 50 == 0:
+            print(f"{len(losses)} of {arguments.repeats}", flush=True)
     figures: dict[str, float] = {
         "losses": len(losses),
         "motors_left_on": sum(loss.rest_s is None for loss in losses),

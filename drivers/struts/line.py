@@ -11,9 +11,11 @@ from contextlib import suppress
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 from vvvaltr.drivers.links.curve import to_commands
-from vvvaltr.drivers.links.gatt import GattLink, Wanted, Word
+from vvvaltr.drivers.links.gatt import GattLink, Word
 from vvvaltr.drivers.motor_line import MotorLine, Patience, arm_or_close
+from vvvaltr.drivers.struts.opening import open_links, wanted_of
 from vvvaltr.drivers.struts.protocol import SEQUENCES, decode, encode_target, to_rpm
+from vvvaltr.drivers.struts.rescue import stop_runaways
 from vvvaltr.drivers.struts.strut import HOLD_S, LaboratoryStrut, OwnStrut, Strut
 from vvvaltr.drivers.struts.table import NO_WATCHDOG_CURE, StrutsLineTable
 
@@ -32,10 +34,9 @@ def open_line(table: StrutsLineTable) -> MotorLine:
         DeviceError: there is no Bluetooth; a strut is missing, is there twice, says nothing or the wrong thing.
         DeviceFault: a strut has no watchdog, and the robot's file does not allow that.
     """
-    from vvvaltr.drivers.struts.opening import open_links
     from vvvaltr.drivers.struts.rfduino import RfduinoLine, check_curves
 
-    wanted = tuple(Wanted(motor.strut, motor.characteristic) for motor in table.motor)
+    wanted = wanted_of(table)
     if table.is_rfduino:
         table.check()
         check_curves(table)
@@ -58,6 +59,7 @@ class StrutsLine:
         self._sequence = 0
         self._stop_s: list[float | None] = [None] * len(self._names)  # since when a stop is not acknowledged
         self._garbled = [0] * len(self._names)
+        self._lost: set[int] = set()
 
     @property
     def name(self) -> str:
@@ -127,8 +129,12 @@ class StrutsLine:
         )
 
     def close(self) -> None:
-        """Release the links."""
+        """Release the links; a strut without a watchdog whose link was lost is looked for, and stopped."""
         self._link.close()
+        wanted = wanted_of(self._table)
+        runaways = [wanted[number] for number in sorted(self._lost) if not self._struts[number].has_watchdog]
+        self._lost.clear()
+        stop_runaways(self._table.adapter, runaways, encode_target(0), reports=True)
 
     def arm(self) -> None:
         """Stop the motors, and wait for a report of each strut. Raises as ``open_line`` does."""
@@ -213,8 +219,10 @@ class StrutsLine:
     def _stop_reachable(self) -> None:
         """Stop the other struts when the link of one is lost: nobody tells them anything after that."""
         for number in range(self.motor_count):
-            with suppress(LinkLost):
+            try:
                 self._link.write(number, encode_target(0), is_acknowledged=True)
+            except LinkLost:
+                self._lost.add(number)
 
     def _take(self, word: Word) -> None:
         if word.acknowledges:

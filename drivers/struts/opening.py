@@ -6,6 +6,12 @@ from collections.abc import Sequence
 
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.drivers.links.gatt import GattLink, Wanted
+from vvvaltr.drivers.struts.table import StrutsLineTable
+
+
+def wanted_of(table: StrutsLineTable) -> tuple[Wanted, ...]:
+    """Return what is to be found for a line."""
+    return tuple(Wanted(motor.strut, motor.characteristic) for motor in table.motor)
 
 
 def open_links(adapter: str, wanted: Sequence[Wanted], reports: bool) -> GattLink:

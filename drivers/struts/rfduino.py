@@ -9,14 +9,15 @@ import logging
 import math
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 
 from vvvaltr.controller.core.errors import DeviceTimeout, LinkLost, UserError
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 from vvvaltr.drivers.links.curve import Curve, to_commands
 from vvvaltr.drivers.links.gatt import GattLink, Word
 from vvvaltr.drivers.motor_line import Patience
+from vvvaltr.drivers.struts.opening import wanted_of
 from vvvaltr.drivers.struts.protocol import to_byte
+from vvvaltr.drivers.struts.rescue import stop_runaways
 from vvvaltr.drivers.struts.table import StrutsLineTable
 
 _log = logging.getLogger(__name__)
@@ -42,6 +43,8 @@ class RfduinoLine:
 
     def __init__(self, link: GattLink, table: StrutsLineTable) -> None:
         self._link = link
+        self._table = table
+        self._lost: set[int] = set()
         self._names = tuple(motor.strut for motor in table.motor)
         self._curves = tuple(Curve(motor.curve) for motor in table.motor)
         self._heard_s = [time.monotonic()] * len(self._names)
@@ -98,8 +101,12 @@ class RfduinoLine:
         return MotorState(self.heard_s, applied_hz, measured=False)
 
     def close(self) -> None:
-        """Release the links."""
+        """Release the links; a strut whose link was lost is looked for, and stopped."""
         self._link.close()
+        wanted = wanted_of(self._table)
+        runaways = [wanted[number] for number in sorted(self._lost)]
+        self._lost.clear()
+        stop_runaways(self._table.adapter, runaways, b"\0", reports=False)
 
     def arm(self) -> None:
         """Stop the motors. Raises as ``open_line`` does."""
@@ -135,5 +142,7 @@ class RfduinoLine:
     def _stop_reachable(self) -> None:
         """Stop the other struts when the link of one is lost: nobody tells them anything after that."""
         for number in range(self.motor_count):
-            with suppress(LinkLost):
+            try:
                 self._link.write(number, b"\0", is_acknowledged=True)
+            except LinkLost:
+                self._lost.add(number)

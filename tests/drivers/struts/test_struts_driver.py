@@ -225,6 +225,21 @@ def test_where_they_are_allowed_they_are_warned_of_and_run_on_after_a_kill(
     theirs.wait_until(lambda status: status.is_at_rest)
 
 
+def test_a_strut_of_theirs_that_left_runs_on_until_it_is_found_again_and_stopped(
+    theirs: MockProcess, caplog: pytest.LogCaptureFixture
+) -> None:
+    table = msgspec.structs.replace(table_of(theirs), allow_no_watchdog=True)
+    with closing(HeldMotors(lambda: open_line(table))) as motors:
+        motors.drive(GAIT, 0.25)
+        theirs.inject(Fault(Kind.DROP_OUT, at_s=0.0, motor=2, duration_s=0.5))
+        assert isinstance(drive_until_it_fails(motors), LinkLost)
+        rests = theirs.wait_until(lambda status: status.applied_hz[0] == 0.0 == status.applied_hz[2])
+        assert rests.applied_hz[1] != 0.0
+
+    theirs.wait_until(lambda status: status.is_at_rest, timeout_s=0.3)
+    assert caplog.messages[-1] == "strut SPVVVECTR2 was found again and stopped"
+
+
 def laboratory_strut(average_rpm: float = 0.0) -> LaboratoryStrut:
     strut = LaboratoryStrut("S", decode(LABORATORY.format(0, average_rpm).encode()), 10.0)
     strut.take(decode(LABORATORY.format(0, average_rpm).encode()), 10.2)
