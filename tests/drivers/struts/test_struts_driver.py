@@ -230,7 +230,7 @@ def test_a_strut_of_theirs_that_left_runs_on_until_it_is_found_again_and_stopped
 ) -> None:
     table = msgspec.structs.replace(table_of(theirs), allow_no_watchdog=True)
     with closing(HeldMotors(lambda: open_line(table))) as motors:
-        motors.drive(GAIT, 0.25)
+        drive_for(motors, 0.3)
         theirs.inject(Fault(Kind.DROP_OUT, at_s=0.0, motor=2, duration_s=0.5))
         assert isinstance(drive_until_it_fails(motors), LinkLost)
         rests = theirs.wait_until(lambda status: status.applied_hz[0] == 0.0 == status.applied_hz[2])
