@@ -3,7 +3,8 @@
 ``floor``: random signed gaits on the spatial twin, a third of the trials repeats, the robot left where it stopped, in
 ``hurried`` with other inclines. The true drift is the mean displacement of ten gaits over four headings each.
 ``strength``: synthetic runs that search and repeat, half of them with a halving; ``laboratory``: a table of repeats.
-``learning``: what Plain-BO recommends under each scatter, by its true speed, with and without correcting for causes.
+``learning``: what a method recommends under each scatter, by its true speed, with and without correcting for causes;
+``gain``: the same of the same 20 trials.
 ``turning``: whether a motor turned, from the shaking that a tracker sees; as many drives as there are seeds.
 ``standing``: repeats of one gait some of which stand still, as a laboratory's robot does.
 Each finished run is a line in ``--out``, so that an interrupted benchmark has lost nothing.
@@ -17,6 +18,7 @@ import json
 import math
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -26,6 +28,8 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.ask_tell import tell_history
+from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.records import LoggedTrial, Piece
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait, GaitSpace, Pose, Trial
@@ -39,7 +43,7 @@ from vvvaltr.transfer.causes.floor import DriftLearner, cut, weigh
 from vvvaltr.transfer.causes.standing import find_standing
 from vvvaltr.transfer.causes.strength import find_loss
 from vvvaltr.transfer.causes.turning import find_turning
-from vvvaltr.transfer.methods.plain_bo import PlainBO
+from vvvaltr.transfer.methods.registry import make_optimizer
 from vvvaltr.twin.engine import Start
 from vvvaltr.twin.presets import TWINS
 from vvvaltr.twin.scatter import Scatter, TrackerNoise, parse_scatter
@@ -224,48 +228,82 @@ def known_gaits(twin: str) -> tuple[list[Gait], list[float]]:
     """Return gaits that no run is told of, and their true speeds: what a model's ranking is judged by."""
     high_hz = TWINS[twin].make().range_hz[1]
     random = stream(0, 0, "known gaits")
-    gaits = [Gait(tuple(random.uniform(-high_hz, high_hz, 3))) for _ in range(40)]
-    return gaits, _drive_level(twin, "careful", gaits, 2, seed=9_999)
+    gaits = [Gait(tuple(random.uniform(-high_hz, high_hz, 3))) for _ in range(30)]
+    return gaits, _drive_level(twin, "careful", gaits, 1, seed=9_999)
 
 
-def run_learning(twin: str, scatter: str, seed: int, corrects: bool) -> dict[str, Any]:
-    """Return true speeds in m/s of what Plain-BO recommends after 20 and 40 trials under a scatter, and how it ranks.
+class AsTold:
+    """``Optimizer``: one that is told scores alone, and so corrects nothing."""
+
+    def __init__(self, inner: Optimizer) -> None:
+        self.ask, self.tell, self.recommend = inner.ask, inner.tell, inner.recommend
+        self.predict, self.promising, self.improvement = inner.predict, inner.promising, inner.improvement
+
+
+def _make(space: GaitSpace, method: str, seed: int, corrects: bool) -> Optimizer:
+    optimizer = make_optimizer(method, space, seed)
+    return optimizer if corrects else AsTold(optimizer)
+
+
+def _rank(optimizer: Optimizer, twin: str) -> float:
+    gaits, true_m_s = known_gaits(twin)
+    expected = [estimate.mean for estimate in optimizer.predict(gaits)]
+    return float(spearmanr(expected, true_m_s, nan_policy="omit").statistic)
+
+
+def run_learning(twin: str, scatter: str, method: str, seed: int, corrects: bool) -> dict[str, Any]:
+    """Return true speeds in m/s of what a method recommends after 20 and 40 trials under a scatter, and how it ranks.
 
     ``corrects`` says whether it corrects for the causes of scatter.
     """
     robot = TWINS[twin].make(seed=seed, scatter=scatter)
     high_hz = robot.range_hz[1]
-    space = GaitSpace.over(robot.motors.motor_count, -high_hz, high_hz)
-    optimizer, trials = PlainBO(space, seed, corrects=corrects), list[LoggedTrial]()
-    gaits, true_m_s = known_gaits(twin)
+    optimizer = _make(GaitSpace.over(robot.motors.motor_count, -high_hz, high_hz), method, seed, corrects)
+    trials, recommended, ranks = list[LoggedTrial](), list[Gait](), list[float]()
     guarded = GuardedRobot(robot, Limits(robot.max_hz))
-    recommended, ranks = [], []
-    for _ in learn(guarded, optimizer, SETTINGS, Budget(40), trials.append):
-        if sum(logged.score is not None for logged in trials) in (20, 40) and trials[-1].recommendation is not None:
-            recommended.append(trials[-1].recommendation.gait)
-            expected = [estimate.mean for estimate in optimizer.predict(gaits)]
-            ranks.append(float(spearmanr(expected, true_m_s, nan_policy="omit").statistic))
+    for logged in learn(guarded, optimizer, SETTINGS, Budget(40), trials.append):
+        if logged.score is not None and sum(it.score is not None for it in trials) in (20, 40):
+            recommended.append(optimizer.recommend().gait)
+            ranks.append(_rank(optimizer, twin))
     return {
-        "what": "learning", "twin": twin, "scatter": scatter, "corrects": corrects, "seed": seed,
-        "true_m_s": _drive_level(twin, scatter, [recommended[0], recommended[-1]], 6, seed + 10_000),
-        "rank": [ranks[0], ranks[-1]], "suspects": sum(logged.review.is_suspect for logged in trials),
-        "trials": len(trials), "loss": find_loss_in(trials) is not None,
+        "what": "learning", "twin": twin, "scatter": scatter, "method": method, "corrects": corrects, "seed": seed,
+        "true_m_s": _drive_level(twin, scatter, recommended, 6, seed + 10_000), "rank": ranks,
+        "suspects": sum(logged.review.is_suspect for logged in trials), "trials": len(trials),
+        "loss": find_loss_in(trials) is not None,
     }  # fmt: skip
+
+
+def run_gain(twin: str, scatter: str, method: str, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield what a method makes of the same 20 trials, not corrected and corrected; the former chose them."""
+    robot = TWINS[twin].make(seed=seed, scatter=scatter)
+    high_hz = robot.range_hz[1]
+    space = GaitSpace.over(robot.motors.motor_count, -high_hz, high_hz)
+    optimizer, trials = _make(space, method, seed, corrects=False), list[LoggedTrial]()
+    for _ in learn(GuardedRobot(robot, Limits(robot.max_hz)), optimizer, SETTINGS, Budget(20), trials.append):
+        pass
+    corrected = _make(space, method, seed, corrects=True)
+    tell_history(corrected, trials)
+    gaits = [optimizer.recommend().gait, corrected.recommend().gait]
+    true_m_s = _drive_level(twin, scatter, gaits, 4, seed + 10_000)
+    for each, corrects, speed_m_s in zip((optimizer, corrected), (False, True), true_m_s, strict=True):
+        yield {
+            "what": "gain", "twin": twin, "scatter": scatter, "method": method, "corrects": corrects, "seed": seed,
+            "true_m_s": [speed_m_s], "rank": [_rank(each, twin)],
+        }  # fmt: skip
 
 
 def summarise_learning(rows: list[dict[str, Any]]) -> None:
     """Print true speeds and rank correlations of each kind of run, with standard errors."""
-    groups: dict[tuple[str, str, bool], list[dict[str, Any]]] = {}
+    groups: dict[tuple[str, str, str, bool], list[dict[str, Any]]] = {}
     for row in rows:
-        groups.setdefault((row["twin"], row["scatter"], row["corrects"]), []).append(row)
-    for (twin, scatter, corrects), of in groups.items():
+        groups.setdefault((row["twin"], row["scatter"], row["method"], row["corrects"]), []).append(row)
+    for (twin, scatter, method, corrects), of in groups.items():
         speeds_mm_s, ranks = 1000.0 * np.array([row["true_m_s"] for row in of]), np.array([row["rank"] for row in of])
         error = speeds_mm_s.std(axis=0) / math.sqrt(max(1, len(of) - 1))
         told = ", ".join(f"{m:.2f} +- {e:.2f}" for m, e in zip(speeds_mm_s.mean(axis=0), error, strict=True))
         rank = " and ".join(f"{it:.2f}" for it in ranks.mean(axis=0))
         how = "corrected" if corrects else "not corrected"
-        print(f"{twin} {scatter}, {how}, {len(of)} runs: after 20 and 40 trials {told} mm/s; rank correlation {rank}",
-              flush=True)  # fmt: skip
+        print(f"{twin} {scatter} {method}, {how}, {len(of)} runs: {told} mm/s; rank correlation {rank}", flush=True)
 
 
 def summarise_floor(rows: list[dict[str, Any]], truth: dict[tuple[str, float], float]) -> None:
@@ -288,10 +326,11 @@ def summarise_floor(rows: list[dict[str, Any]], truth: dict[tuple[str, float], f
 def main() -> None:
     """Run one part, and print what was found."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", choices=["floor", "strength", "standing", "turning", "laboratory", "learning"])
+    parser.add_argument("part", choices=["floor", "strength", "standing", "turning", "laboratory", "learning", "gain"])
     parser.add_argument("--seeds", type=int, nargs=2, default=[1000, 1010], metavar=("FIRST", "END"))
     parser.add_argument("--twin", default="planar", help="of the part learning")
-    parser.add_argument("--scatters", nargs="+", default=["careful", "hurried"], help="of the part learning")
+    parser.add_argument("--method", default="plain", help="of the parts learning and gain")
+    parser.add_argument("--scatters", nargs="+", default=["careful", "hurried"], help="of the parts learning and gain")
     parser.add_argument("--bodies", nargs="+", default=["prism3", "icosahedron6"])
     parser.add_argument("--inclines", nargs="+", type=float, default=[0.0, 0.02, 0.05])
     parser.add_argument("--csv", type=Path, help="a laboratory's repeats, for the part laboratory")
@@ -334,7 +373,13 @@ def main() -> None:
         for seed in seeds:
             for scatter in arguments.scatters:
                 for corrects in (True, False):
-                    keep(run_learning(arguments.twin, scatter, seed, corrects))
+                    keep(run_learning(arguments.twin, scatter, arguments.method, seed, corrects))
+        summarise_learning(rows)
+    elif arguments.part == "gain":
+        for seed in seeds:
+            for scatter in arguments.scatters:
+                for row in run_gain(arguments.twin, scatter, arguments.method, seed):
+                    keep(row)
         summarise_learning(rows)
     elif arguments.part == "turning":
         drives = measure_shaking(seeds.start, len(seeds))

@@ -47,7 +47,6 @@ class Search:
         learn: way to learn.
         propose: way to propose.
         belief: what is believed before the first trial; None for nothing.
-        corrects: whether the scores of trials that come with evidence are corrected for the causes of their scatter.
     """
 
     def __init__(
@@ -57,12 +56,11 @@ class Search:
         learn: Learn,
         propose: Propose,
         belief: Belief | None = None,
-        corrects: bool = True,
     ) -> None:
         self._space, self._seed, self._learn, self._propose = space, seed, learn, propose
         self._trials, self._belief, self._at_first = Trials.none(space), belief, belief
         self._history: list[Told] = []
-        self._corrector = Corrector(_span_hz(space)) if corrects else None
+        self._corrector = Corrector(_span_hz(space))
         self._found: Mapping[str, float] = {}  # of the causes of scatter, by name
         self._skipped: list[Array] = []
         self._proposal: Proposal | None = None  # made once between two trials, since it costs most
@@ -153,7 +151,7 @@ class Search:
             if not math.isfinite(told.score):
                 raise ValueError(f"score {told.score} of gait {told.gait} is not finite: tell only valid trials")
         x = places(self._space, [told.gait for told in history])
-        if self._corrector is None or not any(told.evidence for told in history):
+        if not any(told.evidence for told in history):
             return Trials(x, np.array([told.score for told in history], dtype=float))
         corrected = self._corrector.correct(history)
         self._found = corrected.names

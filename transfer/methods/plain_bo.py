@@ -24,7 +24,6 @@ class PlainBO(Search):
         seed: seed of every random stream.
         initial_trials: number of trials spread over the space before the model chooses, at least 1. It is a number and
             not a share of the budget, so that a run can be extended.
-        corrects: whether scores are corrected for the causes of their scatter.
 
     Raises:
         ValueError: ``initial_trials`` is below 1.
@@ -34,7 +33,7 @@ class PlainBO(Search):
         self, space: GaitSpace, seed: int, initial_trials: int = INITIAL_TRIALS, corrects: bool = True
     ) -> None:
         design = propose_design(initial_trials, space.dimension, stream(seed, 0, "initial design"))
-        super().__init__(space, seed, partial(learn_alone, space), begin_with(design), corrects=corrects)
+        super().__init__(space, seed, partial(learn_alone, space), begin_with(design))
 
 
 METHOD = Method(

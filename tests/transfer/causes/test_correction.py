@@ -7,8 +7,9 @@ import pytest
 from vvvaltr.controller.core.records import Evidence, Piece, Told
 from vvvaltr.controller.core.values import Gait, GaitSpace
 from vvvaltr.transfer.bayes import refitting
+from vvvaltr.transfer.bayes.search import Search
 from vvvaltr.transfer.causes.correction import NO_WEIGHT, Corrector
-from vvvaltr.transfer.methods.plain_bo import PlainBO
+from vvvaltr.transfer.methods.registry import make_optimizer
 
 SPACE = GaitSpace.over(3, -50.0, 50.0)
 DRIFT_M_S = np.array([0.004, -0.003])
@@ -122,11 +123,15 @@ def test_trials_told_without_evidence_stay_as_they_are():
     assert corrected.names == {}
 
 
-@pytest.mark.parametrize("told", [14, 20, 26])
-def test_a_corrected_history_continues_with_the_same_bits(monkeypatch: pytest.MonkeyPatch, told: int) -> None:
+@pytest.mark.parametrize(("method", "told"), [("plain", 14), ("plain", 20), ("plain", 26), ("drive", 20)])
+def test_a_corrected_history_continues_with_the_same_bits(
+    monkeypatch: pytest.MonkeyPatch, method: str, told: int
+) -> None:
     monkeypatch.setattr(refitting, "EVERY_TRIAL", 12)
     monkeypatch.setattr(refitting, "MOST_OBSERVATIONS", 16)
-    optimizer, resumed, random, history = PlainBO(SPACE, 1), PlainBO(SPACE, 1), np.random.default_rng(5), []
+    optimizer, resumed = make_optimizer(method, SPACE, 1), make_optimizer(method, SPACE, 1)
+    assert isinstance(optimizer, Search) and isinstance(resumed, Search)
+    random, history = np.random.default_rng(5), list[Told]()
     for number in range(told):
         gait = optimizer.ask().gait if number % 4 else Gait((20.0, 20.0, 20.0))
         speed = 0.001 if number == 8 else 0.01  # the fixed gait stood still in its third trial
