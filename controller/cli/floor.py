@@ -67,6 +67,8 @@ def _drive(arguments: Namespace) -> list[LoggedTrial]:
             raise NotUnderstood(f"{arguments.what} is neither a robot nor a run: name spatial or FILE.toml")
         asked["name"] = arguments.what
     choice, seed = choose_robot(asked), arguments.seed or 0
+    if choice.name == "planar":
+        raise NotUnderstood("the planar twin has no heading, so nothing tells its floor from itself: name spatial")
     turn = _ask_to_turn(arguments)
     if choice.is_twin:
         rig, twin = open_turned_twin(choice, seed)
