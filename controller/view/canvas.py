@@ -46,13 +46,14 @@ class Canvas:
 
     def send(self, path: str, whens: Sequence[When], columns: rr.ComponentColumnList) -> None:
         """Send one row for each time in ``whens``; nothing where there is none."""
+        import numpy as np
         import rerun as rr
 
         if whens:
             times_s, numbers = zip(*whens, strict=True)
             for column in columns:
                 column.component_batch = _readable(column.component_batch)
-            indexes = [rr.TimeColumn("time", duration=times_s), rr.TimeColumn("trial", sequence=numbers)]
+            indexes = [rr.TimeColumn("time", duration=np.array(times_s)), rr.TimeColumn("trial", sequence=numbers)]
             self._recording.send_columns(f"{self.root}/{path}", indexes, columns)
             time.sleep(0.0)  # lets another thread go on: a live view must not hold up the loop that it shows
 
