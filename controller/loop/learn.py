@@ -37,7 +37,7 @@ def learn(
     history: Sequence[LoggedTrial] = (),
     observers: Sequence[Observer] = (),
     attendance: Attendance | None = None,
-) -> Iterator[LoggedTrial]:
+) -> Generator[LoggedTrial, None, None]:
     """Learn a gait; yields each trial once it is recorded.
 
     Only valid trials are told to the optimiser. A failed trial is recorded, and its gait is tried again.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -129,7 +129,15 @@ class RunDirectory:
         if watch:
             attendance.robot = watch(attendance.robot)
         robot = self._rig.robot
-        return learn(robot, self.optimizer, settings, budget, self._record, history, all_observers, attendance)
+        record, optimizer = self._record, self.optimizer
+        return self._while_here(learn(robot, optimizer, settings, budget, record, history, all_observers, attendance))
+
+    def _while_here(self, trials: Generator[LoggedTrial, None, None]) -> Iterator[LoggedTrial]:
+        """Yield trials as long as the run's folder is where it was: what cannot be found again is not measured."""
+        with closing(trials):
+            for logged in trials:
+                yield logged
+                self._refuse_gone()
 
     def summarise(self) -> dict[str, Any]:
         """Write `summary.json` and return what is in it."""
@@ -147,6 +155,10 @@ class RunDirectory:
     def _record(self, logged: LoggedTrial) -> None:
         self._log.append(logged)
         self.trials.append(logged.without_recordings())
+        self._refuse_gone()
+
+    def _refuse_gone(self) -> None:
+        """Raise UserError if the run's log is not where it was."""
         if not self._log.is_at(self.path / LOG_NAME):
             raise UserError(
                 f"{self.path} was moved or deleted: the run ends here; continue it by --resume where it is now"

@@ -3,6 +3,8 @@
 import json
 import math
 import socket
+import subprocess
+import sys
 import time
 from contextlib import closing
 
@@ -316,6 +318,15 @@ def test_a_multicast_group_is_joined_and_may_be_shared():
         wire.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
         wire.sendto(encode_pose(0, pose_at(0.1)), (table.host, table.port))
         assert is_pose(until(tracker, is_pose)) and is_pose(until(other, is_pose))
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_two_programs_cannot_have_one_unicast_port(host):
+    with closing(StreamTracker(StreamTable(host="127.0.0.1", port=0))) as tracker:
+        port = int(tracker.address.split(":")[1])
+        code = f"from vvvaltr.drivers.trackers.stream.wire import PoseSocket; PoseSocket({host!r}, {port})"
+        other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "Address already in use; end the other program that listens there" in other.stderr
 
 
 def test_a_group_is_joined_on_all_interfaces_unless_one_is_named():
