@@ -180,6 +180,15 @@ def full_frame_ms(pictures: int = 60) -> float:
     return round(1000.0 * statistics.median(times_s), 2)
 
 
+@dataclass(slots=True)
+class _Told:
+    """What the feed is told: where the robot is, or nothing; noted before, and with the time at which it was sent."""
+
+    noted_s: float
+    place_m: tuple[float, float] | None
+    sent_s: float = math.inf
+
+
 class Shown(threading.Thread):
     """Tells a feed 50 poses a second: of a robot that shakes and creeps, or that a hand hides it."""
 
@@ -188,7 +197,7 @@ class Shown(threading.Thread):
         self._feed = feed
         self.is_hidden = False
         self.is_over = threading.Event()
-        self.told: list[tuple[float, tuple[float, float] | None]] = []
+        self.told: list[_Told] = []
 
     @staticmethod
     def place(t_s: float) -> tuple[float, float]:
@@ -199,24 +208,30 @@ class Shown(threading.Thread):
         """Tell poses until it is over."""
         while not self.is_over.wait(0.02):
             now_s = time.monotonic()
-            # A place is noted before it can be seen, that the robot is hidden only once it is: the camera goes on.
-            if self.is_hidden:
+            place = None if self.is_hidden else self.place(now_s)
+            self.told.append(told := _Told(now_s, place))
+            if place is None:
                 self._feed.send_lost(now_s)
-                self.told.append((time.monotonic(), None))
             else:
-                self.told.append((now_s, self.place(now_s)))
-                self._feed.send(Pose(now_s, (*self.place(now_s), 0.04), 0.3))
+                self._feed.send(Pose(now_s, (*place, 0.04), 0.3))
+            told.sent_s = time.monotonic()
 
     def hide(self) -> None:
         """Hide the robot, and return once that has been told."""
         self.is_hidden = True
-        while self.told[-1][1] is not None:
+        while self.told[-1].place_m is not None or self.told[-1].sent_s == math.inf:
             time.sleep(0.002)
 
     def is_true(self, pose: Pose) -> bool:
         """Whether the robot was to be seen, and there, at the time of ``pose``: pictures show what was told last."""
-        told = self.told[max(0, bisect.bisect_right(self.told, pose.t_s, key=lambda each: each[0]) - 1)][1]
-        return told is not None and math.dist(told, pose.position_m[:2]) < 0.001
+        last = bisect.bisect_right(self.told, pose.t_s, key=lambda each: each.noted_s) - 1
+        while last > 0 and not self._is_at(self.told[last], pose) and self.told[last].sent_s > pose.t_s:
+            last -= 1  # this one was noted, and not yet told
+        return self._is_at(self.told[max(0, last)], pose)
+
+    @staticmethod
+    def _is_at(told: _Told, pose: Pose) -> bool:
+        return told.place_m is not None and math.dist(told.place_m, pose.position_m[:2]) < 0.001
 
 
 def occlusions(count: int) -> dict[str, Any]:

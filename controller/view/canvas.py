@@ -5,6 +5,7 @@ Every text goes through ``drawable`` on its way: a letter that Rerun's font lack
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -12,14 +13,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import rerun as rr
 
-_FIRST_LACKING = 0x250  # Latin letters are all there
+_LACKING = re.compile(r"[^\n\t\x20-\x7e\xa1-\xac\xae-\u024f]")  # all Latin letters are there
 
 When = tuple[float, int]  # seconds since the run began, number of the trial
 
 
 def drawable(text: str) -> str:
     """Return a text with a question mark for each character that Rerun's font lacks."""
-    return "".join(c if c in "\n\t" or (c.isprintable() and ord(c) < _FIRST_LACKING) else "?" for c in text)
+    return _LACKING.sub("?", text)
 
 
 class Canvas:

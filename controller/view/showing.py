@@ -11,7 +11,7 @@ from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.runs.log import LOG_NAME, read_run
 from vvvaltr.controller.runs.run import RunDirectory
 from vvvaltr.controller.view.learned import reopen_learner
-from vvvaltr.controller.view.recording import LiveView, Shown, save_recording, show
+from vvvaltr.controller.view.recording import LiveView, Shown, save_recording, show, without_collection
 from vvvaltr.controller.view.speed_maps import Belief, list_pairs
 
 _MAPS = 72  # drawn of a run, of all pairs of motors together: each asks the model for hundreds of gaits
@@ -53,7 +53,8 @@ def name_run(path: Path) -> str:
 
 
 def _open(path: Path, trial: int | None) -> Shown:
-    run = read_run(path)
+    with without_collection():
+        run = read_run(path)
     learner = reopen_learner(path, run)
     if learner is None:
         return Shown(run, name_run(path), trial=trial)
