@@ -21,10 +21,17 @@ if TYPE_CHECKING:
     from vvvaltr.controller.studies.going import Errand, GoRun
 
 
+_PROGRESS = "{desc}: primitive {n_fmt} done, {elapsed}{postfix}"
+
+
 def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("x_m", nargs="?", type=number(), metavar="X", help="where to go, in m in the tracker's frame")
     parser.add_argument(
-        "y_m", nargs="?", type=number(), metavar="Y", help="the planar twin moves along x alone: leave Y out"
+        "y_m",
+        nargs="?",
+        type=number(),
+        metavar="Y",
+        help="and y in m; leave it out on the planar twin, which moves along x",
     )
     parser.add_argument("--yaw", dest="yaw_rad", type=number(), metavar="RAD", help="heading to arrive with, in rad")
     parser.add_argument(
@@ -101,7 +108,7 @@ def _go(run: GoRun, observers: Sequence[Observer], arguments: Namespace) -> None
 
     with ExitStack() as stack:
         view = open_live_view(arguments, stack, lambda: show_going(run.run.path))
-        progress = stack.enter_context(bar(arguments, unit="primitive", desc="going"))
+        progress = stack.enter_context(bar(arguments, desc="going", bar_format=_PROGRESS))
         for logged in run.go([*observers, *([view] if view else [])], view.watch if view else None):
             trial = logged.trial
             progress.update()
