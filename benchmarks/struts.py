@@ -83,6 +83,8 @@ def _kill(observed: ObservedDevice, moment_s: float) -> Loss:
     os.kill(program.pid, signal.SIGKILL)
     rest_s = _rest_s(observed, lost_s)
     program.join()
+    if rest_s is None:
+        _open(observed.robot_file).close()  # stops what was left on
     return Loss("kill", rest_s, was_noticed=True)
 
 
