@@ -77,6 +77,11 @@ class GattLink(Protocol):
         ...
 
 
+def in_words(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence: ``A, B and C``."""
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
+
+
 def is_address(strut: str) -> bool:
     """Return whether a strut is given by its address."""
     return _ADDRESS.fullmatch(strut) is not None
@@ -97,7 +102,7 @@ def find_addresses(wanted: Sequence[Wanted], seen: Mapping[str, str]) -> tuple[s
     if missing := [strut.strut for strut, addresses in zip(wanted, found, strict=True) if not addresses]:
         plural = "struts" if len(missing) > 1 else "strut"
         raise DeviceTimeout(
-            f"{plural} {' and '.join(missing)} not found in the air{_describe(seen)}; charge the battery, "
+            f"{plural} {in_words(missing)} not found in the air{_describe(seen)}; charge the battery, "
             "switch it on, bring it nearer, and end other programs that use it"
         )
     for strut, addresses in zip(wanted, found, strict=True):

@@ -11,7 +11,7 @@ from contextlib import suppress
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.values import Gait, MotorState, Quantity
 from vvvaltr.drivers.links.curve import to_commands
-from vvvaltr.drivers.links.gatt import GattLink, Word
+from vvvaltr.drivers.links.gatt import GattLink, Word, in_words
 from vvvaltr.drivers.motor_line import MotorLine, Patience, arm_or_close
 from vvvaltr.drivers.struts.opening import open_links, wanted_of
 from vvvaltr.drivers.struts.protocol import SEQUENCES, decode, encode_target, to_rpm
@@ -187,7 +187,7 @@ class StrutsLine:
         if not without:
             return
         danger = (
-            f"no watchdog in {' and '.join(without)}, which have the laboratory's firmware: a motor runs on when the "
+            f"no watchdog in {in_words(without)}, which have the laboratory's firmware: a motor runs on when the "
             "radio link is lost or this program is killed"
         )
         if not self._table.allow_no_watchdog:

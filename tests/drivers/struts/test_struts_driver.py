@@ -72,7 +72,7 @@ def come_back(motors: HeldMotors) -> None:
     while True:
         motors.ready(patience_s=5.0)
         try:
-            drive_for(motors, 0.3)
+            drive_for(motors, 0.1)
             return motors.stop()
         except DeviceError:  # what went wrong is not over yet
             assert time.monotonic() < end_s
@@ -171,7 +171,7 @@ def test_commands_expire_when_the_program_is_killed_though_the_links_stay_up(own
 def test_what_goes_wrong_ends_the_drive_in_one_line_and_can_be_put_right(
     own: MockProcess, motors: HeldMotors, fault: Fault, message: str
 ) -> None:
-    drive_for(motors, 0.3)
+    drive_for(motors, 0.2)
     own.inject(fault)
 
     with pytest.raises(DeviceError, match=message):
@@ -194,13 +194,15 @@ def test_what_a_radio_does_every_day_is_borne(own: MockProcess, motors: HeldMoto
     drive_for(motors, 0.2)
     own.inject(fault)
 
-    drive_for(motors, 0.8)
+    drive_for(motors, 0.6)
 
     assert motors.state().frequency_hz == pytest.approx(GAIT.frequency_hz, abs=0.2)
 
 
 def test_struts_of_the_laboratory_are_refused_with_the_reason_and_the_cure(theirs: MockProcess) -> None:
-    with pytest.raises(DeviceFault, match=r"no watchdog in SPVVVECTR1 and .* set allow_no_watchdog = true") as caught:
+    with pytest.raises(
+        DeviceFault, match=r"no watchdog in SPVVVECTR1, SPVVVECTR2 and SPVVVECTR3, .* set allow_no_watchdog = true"
+    ) as caught:
         open_motors(table_of(theirs))
 
     assert caught.value.code == "no_watchdog"
