@@ -39,7 +39,8 @@ from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
-from vvvaltr.transfer.causes.floor import DriftLearner, cut, weigh
+from vvvaltr.transfer.causes.floor import DriftLearner
+from vvvaltr.transfer.causes.pieces import cut, weigh
 from vvvaltr.transfer.causes.standing import find_standing
 from vvvaltr.transfer.causes.strength import find_loss
 from vvvaltr.transfer.causes.turning import find_turning

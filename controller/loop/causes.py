@@ -10,7 +10,8 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import LoggedTrial, Review, Verdict
 from vvvaltr.controller.core.values import Gait, Outcome, Phase, Trial
-from vvvaltr.transfer.causes.floor import Drift, learn_drift, weigh
+from vvvaltr.transfer.causes.floor import Drift, learn_drift
+from vvvaltr.transfer.causes.pieces import weigh
 from vvvaltr.transfer.causes.standing import Standing, describe_standing, is_far_below
 from vvvaltr.transfer.causes.strength import Loss, find_loss
 from vvvaltr.transfer.causes.turning import find_turning

@@ -65,7 +65,7 @@ def resting_ends(trial: Trial) -> tuple[RestingPose, RestingPose] | None:
 
 def measure_pieces(trial: Trial) -> tuple[Piece, ...]:
     """Return the drive in pieces of about a second; none where the trial failed, or its poses do not make two."""
-    from vvvaltr.transfer.causes.floor import cut  # here, so that the command line's help need not wait for numpy
+    from vvvaltr.transfer.causes.pieces import cut  # here, so that the command line's help need not wait for numpy
 
     return cut(trial.poses) if trial.outcome.is_valid else ()
 

@@ -20,19 +20,12 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import Piece
-from vvvaltr.controller.core.values import Pose
-
-PIECE_S = 1.0
-"""Usual duration of a piece."""
-
-SKIPPED_S = 0.5
-"""Time at the start of a drive that is left out: motors are still speeding up."""
 
 _SIZES = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)  # of the drift, over the usual speed of a trial
 _LEVEL = 0.25  # prior probability of a level floor
@@ -41,6 +34,7 @@ _CHANGES = (0.1, 0.3)  # of a gait from trial to trial, over the trial's own spe
 _DIFFERS = 0.35  # standard deviation of e over the size of the drift
 _LEAST_M = 0.0005  # noise of a piece that hardly moves
 _SURE = 0.95  # probability of a drift at which it is told
+_LEAST_SHARE = 1e-3  # probability below which a hypothesis says nothing of single trials
 _LEAST_TURN_RAD = 0.1  # of the headings, else nothing tells the floor
 _WIDE = 3.0  # standard deviation of g, over the usual speed
 
@@ -93,33 +87,6 @@ class Drift:
         return np.asarray(self.velocity_m_s * weight / self.mean_weight * duration_s)
 
 
-def cut(poses: Sequence[Pose], piece_s: float = PIECE_S) -> tuple[Piece, ...]:
-    """Cut a drive into pieces of about ``piece_s``; none where the poses do not make two."""
-    times_s = np.array([pose.t_s for pose in poses])
-    first = int(np.searchsorted(times_s, SKIPPED_S - 1e-6))
-    if len(times_s) - first < 3 or not all(pose.is_finite for pose in poses):
-        return ()
-    count = int((times_s[-1] - times_s[first]) / piece_s + 0.5)
-    if count < 2:
-        return ()
-    borders = np.searchsorted(times_s, np.linspace(times_s[first], times_s[-1], count + 1) - 1e-6)
-    if not (np.diff(borders) > 0).all():
-        return ()
-    yaw_rad = np.array([pose.yaw_rad for pose in poses])
-    heading = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=1)
-    found = []
-    for begin, end in pairwise(borders.tolist()):
-        cos, sin = heading[begin : end + 1].mean(axis=0).tolist()
-        (x, y, _), (x_end, y_end, _) = poses[begin].position_m, poses[end].position_m
-        found.append(Piece(float(times_s[end] - times_s[begin]), (x_end - x, y_end - y), (cos, sin)))
-    return tuple(found)
-
-
-def weigh(frequency_hz: Sequence[float]) -> float:
-    """Return the sum of the squared frequencies, in Hz^2: the drift of a gait grows with it."""
-    return math.fsum(hz * hz for hz in frequency_hz)
-
-
 @dataclass(frozen=True, slots=True)
 class _Added:
     """What a trial adds to each hypothesis: precision and pull of own velocity and drift, and minus twice the log."""
@@ -129,11 +96,23 @@ class _Added:
     value: Array  # (hypotheses,)
 
 
+@dataclass(frozen=True, slots=True)
+class _OfGait:
+    """What the trials of a gait add, its own velocity integrated out: the last of ``cross`` is that at no drift."""
+
+    precision: Array  # of the drift, (hypotheses, 2, 2)
+    pull: Array  # (hypotheses, 2)
+    value: Array  # (hypotheses,)
+    cross: Array  # (hypotheses, 2, 3)
+
+
 class DriftLearner:
     """Learns the floor's drift from the trials of a run. It keeps what it computed; the results do not depend on it."""
 
     def __init__(self) -> None:
-        self._added: dict[tuple[Hashable, ...], _Added] = {}
+        self._speeds: dict[int, tuple[tuple[Piece, ...], float]] = {}
+        self._added: dict[tuple[int, float, float], _Added] = {}
+        self._of_gaits: dict[tuple[tuple[int, float, float], ...], _OfGait] = {}
 
     def learn(
         self, gaits: Sequence[Hashable], trials: Sequence[Sequence[Piece]], weights: Sequence[float]
@@ -147,15 +126,21 @@ class DriftLearner:
         """
         if not _have_turned(trials):
             return None
-        usual_m_s = _power_of_2(math.sqrt(float(np.mean([_speed_m_s(pieces) ** 2 for pieces in trials]))))
+        tuples = [tuple(pieces) for pieces in trials]
+        usual_m_s = _power_of_2(math.sqrt(float(np.mean([self._measure(pieces) ** 2 for pieces in tuples]))))
         usual_weight = _power_of_2(float(np.mean(weights)))
         if usual_m_s == 0.0 or usual_weight == 0.0:
             return None
         shares = [weight / usual_weight for weight in weights]
-        added = [self._add(tuple(it), share, usual_m_s) for it, share in zip(trials, shares, strict=True)]
-        numbers = {gait: number for number, gait in enumerate(dict.fromkeys(gaits))}
-        group = np.array([numbers[gait] for gait in gaits])
-        drift = _conclude(added, group, np.array(shares), usual_m_s)
+        keys = [self._add(it, share, usual_m_s) for it, share in zip(tuples, shares, strict=True)]
+        members: dict[Hashable, list[int]] = {}
+        for i, gait in enumerate(gaits):
+            members.setdefault(gait, []).append(i)
+        of_gaits = [self._combine(tuple(keys[i] for i in index), usual_m_s) for index in members.values()]
+        group = np.zeros(len(keys), dtype=int)
+        for number, index in enumerate(members.values()):
+            group[index] = number
+        drift = _conclude([self._added[key] for key in keys], of_gaits, group, np.array(shares), usual_m_s)
         scale = float(np.mean(shares))
         return replace(
             drift,
@@ -164,11 +149,22 @@ class DriftLearner:
             mean_weight=scale * usual_weight,
         )
 
-    def _add(self, pieces: tuple[Piece, ...], share: float, usual_m_s: float) -> _Added:
-        key = (pieces, share, usual_m_s)
+    def _measure(self, pieces: tuple[Piece, ...]) -> float:
+        """Return the speed of a trial in m/s."""
+        if id(pieces) not in self._speeds:
+            self._speeds[id(pieces)] = pieces, _speed_m_s(pieces)  # the pieces are kept, so that their identity is
+        return self._speeds[id(pieces)][1]
+
+    def _add(self, pieces: tuple[Piece, ...], share: float, usual_m_s: float) -> tuple[int, float, float]:
+        key = (id(pieces), share, usual_m_s)
         if key not in self._added:
             self._added[key] = _add(pieces, share, usual_m_s)
-        return self._added[key]
+        return key
+
+    def _combine(self, keys: tuple[tuple[int, float, float], ...], usual_m_s: float) -> _OfGait:
+        if keys not in self._of_gaits:
+            self._of_gaits[keys] = _combine([self._added[key] for key in keys], usual_m_s)
+        return self._of_gaits[keys]
 
 
 def learn_drift(gaits: Sequence[Hashable], trials: Sequence[Sequence[Piece]], weights: Sequence[float]) -> Drift | None:
@@ -193,8 +189,8 @@ def _power_of_2(number: float) -> float:
 
 def _have_turned(trials: Sequence[Sequence[Piece]]) -> bool:
     """Return whether there are different headings; trackers without one, and robots in a plane, have one alone."""
-    headings = {piece.heading for pieces in trials for piece in pieces}
-    first = next(iter(headings), (1.0, 0.0))
+    headings = (piece.heading for pieces in trials for piece in pieces)
+    first = next(headings, (1.0, 0.0))
     away = (math.atan2(s * first[0] - c * first[1], c * first[0] + s * first[1]) for c, s in headings)
     return any(abs(angle_rad) > _LEAST_TURN_RAD for angle_rad in away)
 
@@ -227,27 +223,34 @@ def _add(pieces: tuple[Piece, ...], share: float, usual_m_s: float) -> _Added:
     return _Added(projected[:, :, :4], projected[:, :, 4], value)
 
 
+def _combine(added: Sequence[_Added], usual_m_s: float) -> _OfGait:
+    """Return what the trials of one gait add, its own velocity integrated out."""
+    precision, pull = sum(it.precision for it in added), sum(it.pull for it in added)
+    assert isinstance(precision, np.ndarray) and isinstance(pull, np.ndarray)
+    wide = (_WIDE * usual_m_s) ** 2
+    known = precision[:, :2, :2] + np.eye(2) / wide
+    cross, determinant = _solve_2(known, np.concatenate([precision[:, :2, 2:], pull[:, :2, None]], axis=-1))
+    value = sum(it.value for it in added) + np.log(wide**2 * determinant) - (pull[:, :2] * cross[..., 2]).sum(axis=-1)
+    return _OfGait(
+        precision[:, 2:, 2:] - precision[:, 2:, :2] @ cross[..., :2],
+        pull[:, 2:] - (precision[:, 2:, :2] @ cross[..., 2:])[..., 0],
+        value,
+        cross,
+    )
+
+
 def _conclude(
     added: Sequence[_Added],
+    of_gaits: Sequence[_OfGait],
     group: np.ndarray[tuple[int, ...], np.dtype[np.int_]],
     shares: Array,
     usual_m_s: float,
 ) -> Drift:
-    """Return the drift at the usual weight from what all trials add, the gaits' own velocities integrated out."""
-    precision, pull = np.array([it.precision for it in added]), np.array([it.pull for it in added])
-    value = np.sum([it.value for it in added], axis=0)
-    gaits = int(group.max()) + 1
-    by_gait, pulled = np.zeros((gaits, *precision.shape[1:])), np.zeros((gaits, *pull.shape[1:]))
-    np.add.at(by_gait, group, precision)
-    np.add.at(pulled, group, pull)
-    wide = (_WIDE * usual_m_s) ** 2
-    known = by_gait[..., :2, :2] + np.eye(2) / wide
-    cross, determinant = _solve_2(known, np.concatenate([by_gait[..., :2, 2:], pulled[..., :2, None]], axis=-1))
-    size = np.log(wide**2 * determinant)
-    value = value + (size - (pulled[..., :2] * cross[..., 2]).sum(axis=-1)).sum(axis=0)
+    """Return the drift at the usual weight from what all trials and their gaits add."""
+    value = np.sum([it.value for it in of_gaits], axis=0)
     variance = np.maximum((_GRID[:, 0] * usual_m_s) ** 2, 1e-30)[:, None, None]
-    information = (by_gait[..., 2:, 2:] - by_gait[..., 2:, :2] @ cross[..., :2]).sum(axis=0) + np.eye(2) / variance
-    pulled_s = (pulled[..., 2:] - (by_gait[..., 2:, :2] @ cross[..., 2:])[..., 0]).sum(axis=0)
+    information = np.sum([it.precision for it in of_gaits], axis=0) + np.eye(2) / variance
+    pulled_s = np.sum([it.pull for it in of_gaits], axis=0)
     covariances = np.linalg.inv(information)
     means = (covariances @ pulled_s[..., None])[..., 0]
     level = _LOG_PRIOR_LEVEL - 0.5 * value
@@ -260,10 +263,25 @@ def _conclude(
     mean = share @ means
     covariance = np.einsum("h,hij->ij", share, covariances + means[:, :, None] * means[:, None, :])
     covariance -= np.outer(mean, mean)
-    # What is left of a trial's pull once own velocity and drift are taken off tells its deviation e.
-    own = cross[..., 2] - np.einsum("ghij,hj->ghi", cross[..., :2], means)
-    theta = np.concatenate([own, np.broadcast_to(means, own.shape)], axis=-1)[group]
-    left = pull[..., 2:] - np.einsum("nhij,nhj->nhi", precision[..., 2:, :], theta)
-    deviation = ((_DIFFERS * _GRID[:, 0] * usual_m_s) ** 2)[:, None] * left
-    of_trials = shares[:, None] * np.einsum("h,nhi->ni", share, means + deviation)
+    of_trials = shares[:, None] * (mean + _find_deviations(added, of_gaits, group, means, share, usual_m_s))
     return Drift(mean, covariance, probability, 1.0, of_trials)
+
+
+def _find_deviations(
+    added: Sequence[_Added],
+    of_gaits: Sequence[_OfGait],
+    group: np.ndarray[tuple[int, ...], np.dtype[np.int_]],
+    means: Array,
+    share: Array,
+    usual_m_s: float,
+) -> Array:
+    """Return what is expected of each trial's deviation e, (trials, 2): what own velocity and drift leave tells it."""
+    kept = np.flatnonzero(share > _LEAST_SHARE)
+    if not len(kept):
+        return np.zeros((len(added), 2))
+    cross = np.array([it.cross[kept] for it in of_gaits])
+    own = cross[..., 2] - np.einsum("ghij,hj->ghi", cross[..., :2], means[kept])
+    theta = np.concatenate([own, np.broadcast_to(means[kept], own.shape)], axis=-1)[group]
+    precision, pull = np.array([it.precision[kept, 2:] for it in added]), np.array([it.pull[kept, 2:] for it in added])
+    left = pull - np.einsum("nhij,nhj->nhi", precision, theta)
+    return np.asarray(np.einsum("h,nhi->ni", share[kept] * (_DIFFERS * _GRID[kept, 0] * usual_m_s) ** 2, left))

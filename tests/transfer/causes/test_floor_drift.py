@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from vvvaltr.controller.core.values import Pose
-from vvvaltr.transfer.causes.floor import DriftLearner, cut, learn_drift, weigh
+from vvvaltr.transfer.causes.floor import DriftLearner, learn_drift
+from vvvaltr.transfer.causes.pieces import cut, weigh
 
 GAIT_HZ = (20.0, -30.0, 10.0)
 

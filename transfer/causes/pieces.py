@@ -1,0 +1,45 @@
+"""A drive cut into pieces, in which a robot that turns tells its own part from the floor's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from vvvaltr.controller.core.records import Piece
+from vvvaltr.controller.core.values import Pose
+
+PIECE_S = 1.0
+"""Usual duration of a piece."""
+
+SKIPPED_S = 0.5
+"""Time at the start of a drive that is left out: motors are still speeding up."""
+
+
+def cut(poses: Sequence[Pose], piece_s: float = PIECE_S) -> tuple[Piece, ...]:
+    """Cut a drive into pieces of about ``piece_s``; none where the poses do not make two."""
+    times_s = np.array([pose.t_s for pose in poses])
+    first = int(np.searchsorted(times_s, SKIPPED_S - 1e-6))
+    if len(times_s) - first < 3 or not all(pose.is_finite for pose in poses):
+        return ()
+    count = int((times_s[-1] - times_s[first]) / piece_s + 0.5)
+    if count < 2:
+        return ()
+    borders = np.searchsorted(times_s, np.linspace(times_s[first], times_s[-1], count + 1) - 1e-6)
+    if not (np.diff(borders) > 0).all():
+        return ()
+    yaw_rad = np.array([pose.yaw_rad for pose in poses])
+    heading = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=1)
+    found = []
+    for begin, end in pairwise(borders.tolist()):
+        cos, sin = heading[begin : end + 1].mean(axis=0).tolist()
+        (x, y, _), (x_end, y_end, _) = poses[begin].position_m, poses[end].position_m
+        found.append(Piece(float(times_s[end] - times_s[begin]), (x_end - x, y_end - y), (cos, sin)))
+    return tuple(found)
+
+
+def weigh(frequency_hz: Sequence[float]) -> float:
+    """Return the sum of the squared frequencies, in Hz^2: the drift of a gait grows with it."""
+    return math.fsum(hz * hz for hz in frequency_hz)
