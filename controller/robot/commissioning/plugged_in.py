@@ -16,9 +16,8 @@ _SCAN_S = 3.0
 
 # Vendor and product as USB numbers them; (driver, what it is). A driver of "" is none of ours.
 _USB: dict[tuple[int, int | None], tuple[str, str]] = {
-    (0x0403, None): ("qik", "FTDI serial adapter: qik boards?"),
-    (0x2E8A, 0x0005): ("node", "Raspberry Pi Pico with MicroPython: a motor node?"),
-    (0x2E8A, None): ("node", "Raspberry Pi Pico: a motor node?"),
+    (0x0403, None): ("qik", "FTDI serial adapter: qik boards, or a motor node?"),
+    (0x2E8A, None): ("", "console of a Pico: a motor node answers on its pins, at an adapter or /dev/serial0"),
     (0x1209, 0x0D32): ("", "ODrive on USB: wire its CAN bus, which vvvaltr drives it over"),
     (0x1D50, 0x60C4): ("odrive", "CAN adapter (slcan): ODrive axes?"),
     (0x16D0, 0x117E): ("odrive", "CANable adapter (slcan): ODrive axes?"),

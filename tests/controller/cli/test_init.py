@@ -11,8 +11,8 @@ from vvvaltr.controller.robot.commissioning.plugged_in import Candidate
 from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.drivers.mocking.process import MockProcess
 
-QIK = Candidate("/dev/ttyUSB0", "qik", "FTDI serial adapter: qik boards?", "serial")
-NODE = Candidate("/dev/ttyACM0", "node", "Raspberry Pi Pico: a motor node?", "serial")
+QIK = Candidate("/dev/ttyUSB0", "qik", "FTDI serial adapter: qik boards, or a motor node?", "serial")
+NODE = Candidate("/dev/ttyACM0", "node", "a motor node?", "serial")
 STRUTS = [Candidate(f"VVVALTR{n}", "struts", "Bluetooth LE", "bluetooth") for n in (1, 2, 3)]
 
 

@@ -21,7 +21,7 @@ class Port:
     [
         (0x0403, 0x6001, "qik", "serial"),
         (0x0403, 0x6015, "qik", "serial"),
-        (0x2E8A, 0x0005, "node", "serial"),
+        (0x2E8A, 0x0005, "", "serial"),
         (0x16D0, 0x117E, "odrive", "slcan"),
         (0x1209, 0x0D32, "", "serial"),
         (0x1209, 0x0001, "", "serial"),
