@@ -152,7 +152,7 @@ def _robot_file(twin: str, line: LineTable, tracker: TrackerTable, high_hz: floa
     robot = RobotFile(
         line=(line,),
         tracker=tracker,
-        hand=HandTable(port=hand_port),
+        hand=HandTable(udp_port=hand_port),
         search=SearchTable(low_hz=_SEARCH_HZ[0], high_hz=high_hz),
     )
     return to_toml({**msgspec.to_builtins(robot), "body": _twin(twin).body})

@@ -154,6 +154,6 @@ def _open_hardware(choice: RobotChoice) -> Rig:
     from vvvaltr.drivers.mocking.hand import AskedHand
 
     config = robot_file_from(choice.file or {}, choice.name)
-    hand = AskedHand(config.hand.port) if config.hand else None
+    hand = AskedHand(config.hand.udp_port) if config.hand else None
     robot = GuardedRobot(open_hardware(config), config.limits)
     return Rig(robot, config.trial_settings, config.range_hz, config.start_place, hand)

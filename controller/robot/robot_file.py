@@ -47,7 +47,7 @@ class StartTable(Table, frozen=True, kw_only=True):
 class HandTable(Table, frozen=True, kw_only=True):
     """Where the hand beside a mock's robot is asked, on this computer. ``vvvaltr mock`` writes it."""
 
-    port: Annotated[int, Meta(ge=1, le=65535)]
+    udp_port: Annotated[int, Meta(ge=1, le=65535)]
 
 
 class TrialTable(Table, frozen=True, kw_only=True):

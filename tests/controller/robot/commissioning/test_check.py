@@ -20,8 +20,8 @@ from relayed import relayed
 import vvvaltr.controller.robot.commissioning.calibrate
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.values import MotorState
-from vvvaltr.controller.robot.commissioning.calibrate import Reading, fit_curve, remove_curves
-from vvvaltr.controller.robot.robot_file import load_robot_file
+from vvvaltr.controller.robot.commissioning.calibrate import Reach, Reading, fit_curve, remove_curves
+from vvvaltr.controller.robot.robot_file import load_robot_file, robot_file_from
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.process import MockProcess
 from vvvaltr.drivers.odrive.line import OdriveLine
@@ -341,3 +341,20 @@ def test_readings_that_are_equal_when_rounded_make_one_point() -> None:
     seen = [Reading(0, 100.0, 5.0004), Reading(0, 80.0, 4.9996), Reading(0, 60.0, 3.0)]
 
     assert fit_curve(seen, ()) == ((60.0, 3.0), (100.0, 5.0))
+
+
+def test_a_camera_of_30_hz_measures_and_searches_a_qik_up_to_13_5_hz() -> None:
+    motors = [{"board": 0, "output": n, "max_hz": 16.5, "curve": [[14.0, 1.8], [127.0, 16.5]]} for n in (0, 1)]
+    line = {"driver": "qik", "port": "/dev/none", "motor": motors}
+    robot = robot_file_from({"line": [line], "tracker": {"kind": "stream", "port": 7599}}, "qik.toml")
+    reach = Reach(30.0)
+
+    commands = reach.greatest_commands(robot)
+
+    assert reach.limit_hz == pytest.approx(13.5)
+    for command, motor in zip(commands, robot.motors, strict=True):
+        assert motor.calibration.frequency_hz(command) == pytest.approx(13.5)
+    assert reach.explain(robot) == (
+        "30 poses/s show up to 13.5 Hz: motors are measured and searched up to there; "
+        "for 16.5 Hz let the tracker send 37 poses/s"
+    )
