@@ -7,16 +7,15 @@ import math
 import os
 import time
 import tty
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 
+from benchmarks.decoder import Decoder
+from benchmarks.strut_decoders import struts_device, struts_host
 from benchmarks.tapes import FrameTape, NodeTape, Tape
 from vvvaltr.controller.core.errors import DeviceError
 from vvvaltr.controller.core.values import Gait, Pose
 from vvvaltr.drivers.links.can import CanLink, Frame
-from vvvaltr.drivers.links.gatt import Word
 from vvvaltr.drivers.links.link import Link
 from vvvaltr.drivers.mocking.can_adapter import SlcanAdapter, from_text, to_text
 from vvvaltr.drivers.node import protocol as node_protocol
@@ -31,30 +30,9 @@ from vvvaltr.drivers.qik import line as qik
 from vvvaltr.drivers.qik import protocol as qik_protocol
 from vvvaltr.drivers.qik.mock import QikDevice
 from vvvaltr.drivers.qik.table import QikLineTable, QikMotorTable
-from vvvaltr.drivers.struts import protocol as strut_protocol
-from vvvaltr.drivers.struts.boards import OwnBoard
-from vvvaltr.drivers.struts.line import StrutsLine
-from vvvaltr.drivers.struts.table import StrutsLineTable, StrutTable
 from vvvaltr.drivers.trackers.stream.message import decode_pose, encode_pose
 
 _MAX_HZ = 16.5
-
-
-@dataclass(frozen=True, slots=True)
-class Decoder:
-    """A decoder of bytes from a line, behind one interface.
-
-    Args:
-        name: line, and end of the line.
-        feed: feeds bytes; it catches the errors that the decoder is documented to raise, and no others.
-        samples: valid input, to be mutated.
-        works: returns whether the decoder still understands valid input; called once, at the end.
-    """
-
-    name: str
-    feed: Callable[[bytes], None]
-    samples: tuple[bytes, ...]
-    works: Callable[[], bool]
 
 
 def qik_host() -> Decoder:
@@ -267,80 +245,6 @@ def node_device() -> Decoder:
         node_protocol.encode_clear(3),
     )
     return Decoder("node device", feed, samples, works)
-
-
-class _StrutTape:
-    """A link to one strut whose reports are what was put in: satisfies ``GattLink``."""
-
-    name = "tape"
-
-    def __init__(self) -> None:
-        self.words: deque[Word] = deque()
-
-    def put(self, text: bytes) -> None:
-        self.words.append(Word(0, time.monotonic(), text))
-
-    def write(self, strut: int, text: bytes, is_acknowledged: bool) -> None:
-        pass
-
-    def read(self, timeout_s: float) -> Word | None:
-        return self.words.popleft() if self.words else None
-
-    def close(self) -> None:
-        pass
-
-
-_STRUT_TABLE = StrutsLineTable(allow_no_watchdog=True, motor=(StrutTable(strut="S", max_hz=16.0),))
-_LABORATORY_REPORT = b"0.00,0.00,120,-4,16384,-262,0,131"
-
-
-def _own_report(number: int) -> bytes:
-    text = _LABORATORY_REPORT + b",v1,%d,%d,77,0,0,0,3700" % (number, 40 * number)
-    return text + b",%02x" % strut_protocol.check_sum(text)
-
-
-def struts_host() -> Decoder:
-    """Make the driver's decoder of the reports of a strut with our firmware."""
-    tape = _StrutTape()
-    line = StrutsLine(tape, _STRUT_TABLE)
-    tape.put(_own_report(1))
-    line.arm()
-
-    def feed(data: bytes) -> None:
-        tape.put(data)
-        with suppress(DeviceError):
-            line.listen(time.monotonic() + 1e-5)
-        tape.words.clear()
-        if not all(map(math.isfinite, line.state().frequency_hz)):
-            raise AssertionError("a speed that is not finite got through")
-
-    def works() -> bool:
-        tape.put(_own_report(1))
-        line.arm()
-        return line.state().frequency_hz == (0.0,)
-
-    return Decoder("struts host", feed, (*map(_own_report, (2, 3, 70)), _LABORATORY_REPORT), works)
-
-
-def struts_device() -> Decoder:
-    """Make our firmware's decoder of texts."""
-    board = OwnBoard(0.0)
-    board.connect()
-    times_s = itertools.count(0.0, 0.005)
-
-    def feed(data: bytes) -> None:
-        board.write(data, now_s := next(times_s))
-        board.tick(now_s)
-        if abs(board.strut.target_rpm) > strut_protocol.GREATEST_RPM:
-            raise AssertionError(f"{board.strut.target_rpm} turns a minute are beyond the limit")
-
-    def works() -> bool:
-        for text in (b"0", strut_protocol.encode_held(600, 0.4, 1)):
-            board.write(text, next(times_s))
-        return bool(board.strut.target_rpm == 600)
-
-    samples = (b"900", b"-301", b"0", b"calibrate", strut_protocol.encode_held(-900, 0.4, 65535))
-    return Decoder("struts device", feed, samples, works)
 
 
 def tracker() -> Decoder:

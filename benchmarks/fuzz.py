@@ -13,7 +13,8 @@ import threading
 import time
 from collections.abc import Iterator
 
-from benchmarks.decoders import Decoder, make_decoders
+from benchmarks.decoder import Decoder
+from benchmarks.decoders import make_decoders
 
 CHUNK_BYTES = 64
 """Greatest size of a random chunk."""

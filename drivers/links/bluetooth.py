@@ -8,25 +8,19 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
 import queue
 import threading
 import time
-from collections.abc import Coroutine, Iterator, Sequence
+from collections.abc import Coroutine, Sequence
 from concurrent.futures import TimeoutError as FutureTimeout
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bleak import BleakAdapter, BleakClient, BleakScanner
-from bleak.exc import (
-    BleakBluetoothNotAvailableError,
-    BleakBluetoothNotAvailableReason,
-    BleakDBusError,
-    BleakDeviceNotFoundError,
-    BleakError,
-)
+from bleak.exc import BleakError
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+from vvvaltr.drivers.links.bluetooth_trouble import explained
 from vvvaltr.drivers.links.gatt import Wanted, Word, are_all_found, find_addresses
 
 if TYPE_CHECKING:
@@ -45,19 +39,6 @@ _RFDUINO = "00002222-0000-1000-8000-00805f9b34fb"  # what a host writes, in the 
 
 for _name in ("bleak", "dbus_fast"):
     logging.getLogger(_name).addHandler(logging.NullHandler())  # what they say is told by us, once, in one line
-
-_CURES = {
-    BleakBluetoothNotAvailableReason.NO_BLUETOOTH: "this computer has no Bluetooth adapter; plug one in",
-    BleakBluetoothNotAvailableReason.NO_BLE_CENTRAL_ROLE: "its Bluetooth adapter has no Low Energy; plug in another",
-    BleakBluetoothNotAvailableReason.POWERED_OFF: (
-        "the Bluetooth adapter is off; switch it on by bluetoothctl power on, after rfkill unblock bluetooth if need be"
-    ),
-}
-_DENIED = (
-    "you may not use Bluetooth here; join its group by sudo usermod -aG bluetooth $USER, then log out and in again"
-)
-_NO_SERVICE = "no Bluetooth service runs here; sudo apt install bluez, then sudo systemctl start bluetooth"
-_NO_BUS = "this computer has no D-Bus, which Bluetooth needs; sudo apt install dbus bluez"
 
 
 def scan_bluetooth(adapter: str, timeout_s: float) -> dict[str, str]:
@@ -157,7 +138,7 @@ class _Peer:
         """Connect, find the characteristic, and let it report. Raises DeviceError."""
         name = f"strut {self._wanted.strut}"
         try:
-            with _explained(name):
+            with explained(name):
                 async with asyncio.timeout(_CONNECT_S):
                     await self._client.connect()
                     self._target = self._characteristic(reports)
@@ -287,7 +268,7 @@ async def _scan(adapter: str, wanted: Sequence[Wanted], duration_s: float) -> di
         seen[device.address] = ((advertised.local_name if advertised else None) or device.name or "", device)
 
     options: Any = {"adapter": adapter} if adapter else {}
-    with _explained(adapter or "Bluetooth"):
+    with explained(adapter or "Bluetooth"):
         async with BleakScanner(detection_callback=note, bluez=options):
             # A program that was killed leaves its links up, and what is linked is not in the air.
             for device in await (await BleakAdapter.get(bluez=options)).get_connected_devices():
@@ -298,46 +279,3 @@ async def _scan(adapter: str, wanted: Sequence[Wanted], duration_s: float) -> di
                 if wanted and are_all_found(wanted, {address: name for address, (name, _) in seen.items()}):
                     end_s, wanted = min(end_s, time.monotonic() + _DOUBLES_S), ()
     return seen
-
-
-@contextmanager
-def _explained(name: str) -> Iterator[None]:
-    """Raise DeviceError, one line with the cure, for what bleak and D-Bus raise."""
-    try:
-        yield
-    except (DeviceError, TimeoutError):
-        raise
-    except BleakBluetoothNotAvailableError as error:
-        raise LinkLost(_CURES.get(error.reason, _DENIED)) from error
-    except BleakDeviceNotFoundError as error:
-        raise LinkLost(f"{name} has gone from the air again; bring it nearer, check its battery") from error
-    except BleakDBusError as error:
-        raise LinkLost(_explain_bus(name, error)) from error
-    except FileNotFoundError as error:
-        raise LinkLost(_NO_BUS) from error
-    except PermissionError as error:
-        raise LinkLost(_DENIED) from error
-    except (BleakError, OSError, EOFError) as error:
-        raise LinkLost(
-            f"{name}: Bluetooth fails ({str(error) or type(error).__name__}); switch the strut off and on"
-        ) from error
-
-
-def _explain_bus(name: str, error: BleakDBusError) -> str:
-    kind = error.dbus_error.rpartition(".")[2]
-    match kind:
-        case "ServiceUnknown" | "NameHasNoOwner" | "Spawn.ServiceNotFound" | "NoReply":
-            return _NO_SERVICE
-        case "AccessDenied" | "NotAuthorized" | "AuthFailed" | "NotPermitted":
-            return _DENIED
-        case "NotReady":
-            return _CURES[BleakBluetoothNotAvailableReason.POWERED_OFF]
-        case "UnknownObject" | "DoesNotExist" if "strut" not in name:
-            return f"this computer has no Bluetooth adapter {name}; correct adapter in the robot's file{_adapters()}"
-    return f"{name}: Bluetooth fails ({error}); switch the strut off and on, and try again"
-
-
-def _adapters() -> str:
-    with suppress(OSError):
-        return f" (there are {', '.join(sorted(os.listdir('/sys/class/bluetooth')))})"
-    return ""
