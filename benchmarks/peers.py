@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from vvvaltr.controller.core.arrays import Array
+    from vvvaltr.controller.core.values import GaitSpace
 
 TRIALS = 40
 POINTS = 50
@@ -66,9 +67,9 @@ class TwinProblem:
         from vvvaltr.transfer.experiments.unit import Settings, open_condition
 
         target = next(pair.target for pair in list_pairs("planar") if pair.target.name == condition)
-        self._robot, self._space = open_condition(Settings(), target, seed=0)
+        self._robot, self.gaits = open_condition(Settings(), target, seed=0)
         self._settings = TrialSettings()
-        self.dimension = self._space.dimension
+        self.dimension = self.gaits.dimension
 
     def observed(self, x: Array, rng: np.random.Generator) -> float:
         """See Problem."""
@@ -84,19 +85,22 @@ class TwinProblem:
         from vvvaltr.controller.loop.scoring import score
         from vvvaltr.controller.loop.trial_runner import run_trial
 
-        return score(run_trial(self._robot, self._space.from_unit(x), self._settings, start))
+        return score(run_trial(self._robot, self.gaits.from_unit(x), self._settings, start))
 
 
 class Ours:
-    """Our Plain-BO, behind the peers' interface."""
+    """Our default without a source, behind the peers' interface."""
+
+    def __init__(self) -> None:
+        self.gaits: GaitSpace | None = None  # what the problem's cube stands for; None for a function of mere numbers
 
     def begin(self, dimension: int, seed: int) -> None:
         """Begin a new run."""
         from vvvaltr.controller.core.values import GaitSpace
-        from vvvaltr.transfer.methods.plain_bo import PlainBO
+        from vvvaltr.transfer.methods.drive import DriveBO
 
-        self._space = GaitSpace.over(dimension, 0.0, 1.0)
-        self._search = PlainBO(self._space, seed)
+        self._space = self.gaits or GaitSpace.over(dimension, 0.0, 1.0)
+        self._search = DriveBO(self._space, seed, has_drive=self.gaits is not None)
 
     def ask(self, x: Array, y: Array) -> Array:
         """Return the next place."""
@@ -206,6 +210,9 @@ def measure_regrets(
 
     figures: dict[str, float] = {}
     for problem_name, problem in problems.items():
+        for program in programs.values():
+            if isinstance(program, Ours):
+                program.gaits = problem.gaits if isinstance(problem, TwinProblem) else None
         true = {name: np.empty(len(seeds)) for name in programs}
         for index, seed in enumerate(seeds):
             for name, program in programs.items():
