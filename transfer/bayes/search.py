@@ -123,7 +123,7 @@ class Search:
             ValueError: as of ``tell``.
         """
         self._trials, self._belief, self._proposal = Trials.none(self._space), self._at_first, None
-        self._history = []
+        self._history, self._corrector, self._found = [], Corrector(_span_hz(self._space)), {}
         logged = max((i for i, told in enumerate(history, start=1) if told.fit), default=0)
         known = self._restore(history[:logged]) if logged else 0
         for told in history[known:]:

@@ -88,8 +88,9 @@ class Corrector:
         if known:
             of = [history[i] for i in known]
             stood = _find_standing(of)
-            scores[known], drift = self._take_off_floor(of, stood, scores[known])
+            # From the scores as they are: what is settled of a long run's strength must not change with the drift.
             strengths[known] = self._follow_strength(of, scores[known])
+            scores[known], drift = self._take_off_floor(of, stood, scores[known])
             scores[known] *= strengths[known[-1]] / strengths[known]
             shares[known], scores[known] = _discount(of, stood, scores[known])
         return Corrected(_find_applied(history), scores, shares, strengths, drift)

@@ -85,7 +85,7 @@ class StrengthLearner:
 
         Args:
             places: the gaits in the unit cube, (n, d).
-            speeds: of the trials, (n,); whoever calls again must not change the earlier places.
+            speeds: of the trials, (n,); whoever calls again must not change the earlier trials.
         """
         n = len(speeds)
         logs, first, level = np.zeros(n), 0, 0.0

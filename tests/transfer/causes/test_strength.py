@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from vvvaltr.transfer.causes.strength import find_loss
+from vvvaltr.transfer.causes import strength
+from vvvaltr.transfer.causes.strength import StrengthLearner, find_loss
 
 
 def repeats(random, before, after, factor, noise=0.1):
@@ -59,3 +60,21 @@ def test_what_is_left_of_trials_that_nearly_all_stood_still_says_nothing():
             speeds = np.exp(random.normal(0.0, 4.0, count))  # so far apart that hardly two agree
             loss = find_loss(random.random((count, 3)), speeds.tolist())
             assert loss is None or 0.0 <= loss.probability <= 1.0
+
+
+def test_the_strength_of_each_trial_follows_a_loss_in_a_long_run_with_the_same_bits_however_it_was_told(monkeypatch):
+    monkeypatch.setattr(strength, "STRETCH", 12)
+    random = np.random.default_rng(5)
+    gaits = random.random((4, 3))
+    order = random.integers(4, size=60)
+    lost = np.where(np.arange(60) < 20, 1.0, 0.5)
+    speeds = 0.1 * np.exp(gaits[order, 0] + random.normal(0.0, 0.08, 60)) * lost
+    learner = StrengthLearner()
+    for told in range(4, 61):
+        logs = learner.follow(gaits[order[:told]], speeds[:told])
+
+    anew = StrengthLearner().follow(gaits[order], speeds)
+
+    assert logs.tolist() == anew.tolist()
+    assert np.exp(anew[-1] - anew[0]) == pytest.approx(0.5, rel=0.25)
+    assert np.exp(anew[19] - anew[0]) == pytest.approx(1.0, rel=0.15)
