@@ -33,6 +33,7 @@ _GRID = np.array(list(product(_NOISES, _WALKS, _GAITS)))  # (grid, 3)
 _MEAN_SD = 2.0  # of the logarithm, of all gaits together
 _LENGTH = 0.5  # over which gaits are alike, in the unit cube's sides
 _FAR_BELOW = -1.4  # of the logarithm against what the other trials predict: a quarter, where a step is a half
+_LEAST_SHARE = 1e-3  # probability below which sizes of noise, walk and gaits are left out
 _LEAST = 0.05  # of the median speed: below it, a logarithm says nothing
 
 
@@ -112,6 +113,8 @@ class StrengthLearner:
             y = logs - logs.mean()
             distance = np.sqrt(((places[kept][:, None] - places[kept][None, :]) ** 2).sum(axis=2))
             good = _is_no_outlier(y, distance)
+            if good.all():
+                break
             kept, y, distance = kept[good], y[good], distance[np.ix_(good, good)]
         if len(kept) < 4:
             return None
@@ -121,12 +124,7 @@ class StrengthLearner:
         at = int(weighed.downs.sum(axis=0).argmax())
         weights = weighed.downs[:, at] / max(weighed.downs[:, at].sum(), 1e-300)
         loss = Loss(float(weighed.downs.sum()), int(kept[at + 1]), math.exp(float(weights @ weighed.steps[:, at])))
-        # What walk and step are expected to be at each trial that was kept, and from it at every trial.
-        fallen = np.concatenate([np.zeros((len(_GRID), 1)), np.cumsum(weighed.downs * weighed.steps, axis=1)], axis=1)
-        left = (weighed.share[:, None] * (y - weighed.raised)) - fallen
-        pulled = np.einsum("hji,hj->hi", roots, np.einsum("hij,hj->hi", roots, left))
-        walked = (_GRID[:, 1] ** 2) @ pulled @ walks
-        change = walked + fallen.sum(axis=0)
+        change = _expect_change(roots, y, walks, weighed)
         return loss, np.interp(np.arange(len(speeds)), kept, change - change[0])
 
     def _root(self, kept: list[int], places: Array, distance: Array, walks: Array) -> Array:
@@ -189,6 +187,16 @@ def _weigh(roots: Array, y: Array) -> _Weighed:
     return _Weighed(downs, steps[0], np.concatenate([np.zeros((len(roots), 1)), raised], axis=1), of_sizes)
 
 
+def _expect_change(roots: Array, y: Array, walks: Array, weighed: _Weighed) -> Array:
+    """Return what walk and steps down are expected to have changed at each trial, (n,)."""
+    at = np.flatnonzero(weighed.share > _LEAST_SHARE)
+    fallen = np.cumsum(weighed.downs[at] * weighed.steps[at], axis=1)
+    fallen = np.concatenate([np.zeros((len(at), 1)), fallen], axis=1)
+    left = weighed.share[at][:, None] * (y - weighed.raised[at]) - fallen
+    pulled = np.einsum("hji,hj->hi", roots[at], np.einsum("hij,hj->hi", roots[at], left))
+    return np.asarray((_GRID[at, 1] ** 2) @ pulled @ walks + fallen.sum(axis=0))
+
+
 def _is_no_outlier(y: Array, distance: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Return which trials are not far below what the others predict of them."""
     covariance = np.exp(-distance / _LENGTH) + 1.0 + np.diag(np.full(len(y), 0.2**2))
@@ -199,8 +207,10 @@ def _is_no_outlier(y: Array, distance: Array) -> np.ndarray[tuple[int, ...], np.
 def _stood(places: Array, speeds: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Return which trials stood still among their neighbours in time of the same gait."""
     stood = np.zeros(len(speeds), dtype=bool)
-    _, gait = np.unique(np.round(places, 9), axis=0, return_inverse=True)
-    for number in range(int(gait.max()) + 1 if len(gait) else 0):
-        index = np.flatnonzero(gait.ravel() == number)
-        stood[index] = find_standing(speeds[index].tolist())
+    by_gait: dict[tuple[float, ...], list[int]] = {}
+    for i, place in enumerate(np.round(places, 9).tolist()):
+        by_gait.setdefault(tuple(place), []).append(i)
+    for index in by_gait.values():
+        if len(index) > 1:
+            stood[index] = find_standing(speeds[index].tolist())
     return stood
