@@ -97,8 +97,11 @@ def speeds_of(gait: Gait, history: Sequence[LoggedTrial]) -> list[float]:
 
 def find_standing_gaits(history: Sequence[LoggedTrial]) -> dict[Gait, Standing]:
     """Return how often each gait moves that stood still in some of its trials and moved in others."""
-    driven = dict.fromkeys(logged.trial.gait for logged in history if logged.score is not None)
-    told = {gait: describe_standing([abs(it) for it in speeds_of(gait, history)]) for gait in driven}
+    speeds_m_s: dict[Gait, list[float]] = {}  # in one pass: a long run has as many gaits as trials
+    for logged in history:
+        if logged.score is not None:
+            speeds_m_s.setdefault(logged.trial.gait, []).append(abs(logged.score))
+    told = {gait: describe_standing(speeds) for gait, speeds in speeds_m_s.items()}
     return {gait: standing for gait, standing in told.items() if standing.moving < standing.trials}
 
 
