@@ -123,8 +123,8 @@ class Studio:
 
     def spatial(self) -> None:
         """Show the spatial twin on hills."""
-        run = self._make("spatial", "trial", "12", "-14", "9", "--robot", "spatial", "--world", "hills")
-        self._view("spatial", run, at=("time", 4.0), size=(1400, 900))
+        run = self._make("spatial", "trial", "45", "38", "-30", "--robot", "spatial", "--world", "hills")
+        self._view("spatial", run, at=("time", 5.5), size=(1400, 900))
 
     def report(self) -> None:
         """Show the top of the report of a run."""
