@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks.observed import ObservedDevice
 
 _PROGRAM = (sys.executable, "-c", "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())")
-DEVICES = ("qik", "odrive", "node")
+DEVICES = ("qik", "odrive", "node", "struts")
 _TRIAL = "\n[trial]\nduration_s = 30.0\nsettle_s = 0.0\nramp_s = 0.1\nrest_s = 0.0\n"
 _PATIENCE_S = 30.0
 

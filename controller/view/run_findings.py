@@ -144,3 +144,19 @@ def _leave_each_out(space: GaitSpace, valid: Sequence[LoggedTrial]) -> LeftOut |
 def _believe(space: GaitSpace, valid: Sequence[LoggedTrial], scores: Array) -> Belief:
     trials = Trials(places(space, [logged.trial.gait for logged in valid]), scores)
     return learn_alone(space, trials, None, stream(0, len(valid), "report"))
+
+
+def describe_start_drift(trials: Sequence[LoggedTrial]) -> str:
+    """Return how the start poses drifted, from the first third of the trials to the last; empty for fewer than six."""
+    starts = [it.movement.start for it in trials if it.movement is not None]
+    third = len(starts) // 3
+    if third < 2:
+        return ""
+    places_mm = 1000.0 * np.array([start.position_m[:2] for start in starts])
+    x_mm, y_mm = places_mm[-third:].mean(axis=0) - places_mm[:third].mean(axis=0)
+    headings = np.exp(1j * np.array([start.yaw_rad for start in starts]))
+    turn_deg = float(np.degrees(np.angle(headings[-third:].mean() / headings[:third].mean())))
+    return (
+        f"From the first third to the last the starts drifted by {np.hypot(x_mm, y_mm):.0f} mm (x {x_mm:+.0f}, "
+        f"y {y_mm:+.0f}) and {turn_deg:+.0f} degrees."
+    )

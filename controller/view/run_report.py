@@ -14,7 +14,7 @@ from vvvaltr.controller.core.values import Estimate, Gait
 from vvvaltr.controller.view import run_figures as figures
 from vvvaltr.controller.view.commands import write_making_command, write_trial_command
 from vvvaltr.controller.view.page import to_png, write_figure, write_page, write_table
-from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, find_in_run
+from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, describe_start_drift, find_in_run
 from vvvaltr.controller.view.run_movements import read_goals, write_movements
 from vvvaltr.controller.view.scatter_causes import find_causes, tell_scatter
 from vvvaltr.controller.view.showing import name_run
@@ -154,7 +154,11 @@ def _robot(found: RunFindings) -> Iterator[str]:
             motors, "Frequency that each motor applied, mean of the drive with its ramp, against what was asked."
         )
     if starts is not None:
-        yield _draw(starts, "Where each trial began, with the robot's heading, and where it ended, seen from above.")
+        yield _draw(
+            starts,
+            f"Where each trial began, with the robot's heading, and where it ended, seen from above. "
+            f"{describe_start_drift(found.run.trials)}",
+        )
     yield "</div>"
     batteries = [it.trial.conditions.battery_v for it in found.run.trials if it.trial.conditions.battery_v is not None]
     if batteries:
