@@ -59,6 +59,17 @@ class Canary:
 
 _canary = pytest.StashKey[Canary]()
 
+_LONGEST = {
+    "test_check.py",
+    "test_entry.py",
+    "test_go_command.py",
+    "test_mock_process.py",
+    "test_pose_faults.py",
+    "test_readme.py",
+    "test_steering_safety.py",
+}
+"""Files that begin first, so that none is waited for in the end."""
+
 
 # On a busy computer examples take long to draw; that is no defect of what is tested.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -77,7 +88,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     condition = config.stash[_canary].was_held_up if is_alone else True
     for item in items:
         item.add_marker(pytest.mark.flaky(reruns=2, condition=condition))
-    items.sort(key=lambda item: item.path.name != "test_readme.py")  # the longest first, so that none waits for it
+    items.sort(key=lambda item: item.path.name not in _LONGEST)
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -20,7 +20,7 @@ LEARN = ("learn", "--robot", "planar", "--duration", "0.5", "--no-recording", "-
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_signal_at_any_instant_is_one_line_and_nothing_is_left(name: str) -> None:
-    statuses, complaints = campaign(name, count=12, seed=1)
+    statuses, complaints = campaign(name, count=8, seed=1)
 
     assert complaints == []
     assert statuses[130] > 0

@@ -54,7 +54,8 @@ class Canvas:
             times_s, numbers = zip(*whens, strict=True)
             for column in columns:
                 column.component_batch = _readable(column.component_batch)
-            indexes = [rr.TimeColumn("time", duration=np.array(times_s)), rr.TimeColumn("trial", sequence=numbers)]
+            nanoseconds = np.round(1e9 * np.array(times_s)).astype("timedelta64[ns]")  # Rerun would cut floats off
+            indexes = [rr.TimeColumn("time", duration=nanoseconds), rr.TimeColumn("trial", sequence=numbers)]
             self._recording.send_columns(f"{self.root}/{path}", indexes, columns)
             time.sleep(0.0)  # lets another thread go on: a live view must not hold up the loop that it shows
 

@@ -48,7 +48,7 @@ def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str], status: in
     [
         ('score = "net"', 'score = "x"', "score is 'x'; allowed: net"),
         ('name = "planar"', 'name = "foo"', "unknown robot 'foo'"),
-        ('method = "plain"', 'method = "magic"', "'magic'"),
+        ('method = "drive"', 'method = "magic"', "'magic'"),
         ('world = "flat"', 'world = "moon"', "'moon'"),
         ("    16.7,\n", "    99.0,\n", "range_hz: motor 1: 99 Hz"),
         ("    16.7,\n", "    nan,\n", "range_hz"),

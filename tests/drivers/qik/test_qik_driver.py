@@ -222,7 +222,7 @@ def test_more_motors_need_a_faster_line(motor_count: int, has_crc: bool, baud: i
 @pytest.mark.parametrize("ramp_hz_s", [(), (8.0, 8.0, 8.0)], ids=["at once", "ramp"])
 def test_on_the_slowest_line_a_stop_waits_for_nothing(qik: MockProcess, ramp_hz_s: tuple[float, ...]) -> None:
     baud = least_baud(len(MOTORS), has_crc=False)
-    with closing(HeldMotors(lambda: open_line(table(qik.greeting.port, baud=baud)), 0.4, ramp_hz_s)) as held:
+    with closing(HeldMotors(lambda: open_line(table(qik.greeting.port, baud=baud)), ramp_hz_s)) as held:
         for step in range(160):  # another gait every 5 ms
             held.drive(Gait((6.0 + 0.05 * step, -8.0, 14.0 - 0.05 * step)), 0.25)
             time.sleep(0.005)

@@ -201,8 +201,8 @@ def test_struts_can_be_boxes():
 @pytest.mark.parametrize("time_step_s", [0.02, 0.0005])
 def test_a_motion_that_breaks_down_is_a_fault_with_a_reason_and_leaves_no_file(time_step_s, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    # A step that is too long for the springs; or a motor of forty times the weight.
-    law = SPATIAL_PARTS.law if time_step_s > 0.001 else EccentricForce(3e-4)
+    # A step that is too long for the springs; or a motor of more than a hundred times the weight.
+    law = SPATIAL_PARTS.law if time_step_s > 0.001 else EccentricForce(1e-3)
 
     def trial():
         parts = replace(SPATIAL_PARTS, law=law)

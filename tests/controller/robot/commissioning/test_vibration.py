@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from vvvaltr.controller.core.errors import DeviceTimeout, TrackingLost
 from vvvaltr.controller.core.protocols import Tracker
@@ -26,7 +27,9 @@ SETTLE_S, LOOK_S = 1.2, 0.8
 
 @pytest.fixture(scope="module")
 def robot(qik: MockProcess) -> Iterator[HardwareRobot]:
-    with closing(open_hardware(load_robot_file(Path(qik.greeting.robot_file)))) as robot:
+    file = load_robot_file(Path(qik.greeting.robot_file))
+    patient = replace(file, tracker=replace(file.tracker, age_limit_s=1.0))  # gaps are what is tested
+    with closing(open_hardware(patient)) as robot:
         yield robot
 
 
