@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import textwrap
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,7 +32,9 @@ def _execute(arguments: Namespace) -> Answer:
         return Answer(f"no run in {arguments.folder}: vvvaltr learn makes one", {"runs": []})
     width = shutil.get_terminal_size().columns
     table = lay_out_columns(_COLUMNS, [_row(run) for run in found], width, _FIRST_TO_GO)
-    return Answer(f"{table}\n{_explain(found)}", {"runs": [_as_data(run) for run in found]})
+    return Answer(
+        f"{table}\n{textwrap.fill(_explain(found), max(width, 20))}", {"runs": [_as_data(run) for run in found]}
+    )
 
 
 def _row(run: Listed) -> tuple[str, ...]:
