@@ -81,9 +81,8 @@ def fresh_machine(tmp_path: Path) -> Path:
     (programs / "activate").write_text(f'PATH="{programs}:$PATH"\n')
     write_program(programs / "vvvaltr", sys.executable, VVVALTR)
     write_program(programs / "pip", sys.executable, PIP.format(pyproject=str(ROOT / "pyproject.toml")))
-    write_program(
-        programs / "python", "/bin/sh", f'[ "$*" = "-m pytest -q" ] && exec {sys.executable} "$@" --version\n'
-    )
+    tests = "-m pytest -q -n 4 --dist loadfile"
+    write_program(programs / "python", "/bin/sh", f'[ "$*" = "{tests}" ] && exec {sys.executable} "$@" --version\n')
     (tmp_path / "bin").mkdir()
     # Where the README waits for the mock, wait for as long as that takes: this machine may be busy.
     write_program(tmp_path / "bin" / "sleep", "/bin/sh", "until [ -e qik0.toml ]; do /bin/sleep 0.1; done\n")

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from vvvaltr.controller.cli.telling import bar, say, say_above
+from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.records import Verdict
 
 if TYPE_CHECKING:
@@ -93,4 +94,6 @@ def _write_speeds(logged: LoggedTrial) -> str:
     if logged.recommendation is None:
         return speed
     it = logged.recommendation.estimate
+    if max(-it.low, it.high) > GREATEST_SPEED_M_S:
+        return f"{speed}, best not known yet"
     return f"{speed}, best {1000.0 * it.mean:.1f} ({round(1000.0 * it.low)} to {round(1000.0 * it.high)})"

@@ -139,6 +139,13 @@ def test_away_from_a_terminal_each_trial_is_one_line(tmp_path: Path, capsys: pyt
     assert re.fullmatch(r"trial 2, 2 of 3: [\d.]+ mm/s, best [\d.]+ \(-?\d+ to \d+\); 0:0\d left", lines[1])
 
 
+def test_an_interval_wider_than_any_speed_is_no_best_gait_yet(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["learn", "--trials", "1", "--seed", "2", "--no-recording", "--out", str(tmp_path / "run")]) == 0
+    assert "trial 1, 1 of 1: 2.3 mm/s, best not known yet\n" in capsys.readouterr().err
+
+
 def test_on_a_terminal_a_bar_within_its_width_tells_best_and_time_left(tmp_path: Path) -> None:
     ours, theirs = pty.openpty()
     command = [sys.executable, "-m", "vvvaltr", *LEARN, "--out", str(tmp_path / "run")]
