@@ -139,4 +139,5 @@ def _map_view(pair: Pair, root: str) -> rrb.Spatial2DView:
 
 def _name(what: str, root: str) -> str:
     """Return the name of a view; of one of several runs, with the run's."""
-    return f"{what}: {root.strip('/')}" if root else what
+    title = root.strip("/").replace("\\", "")  # without the backslashes of a path
+    return f"{what}: {title}" if title else what

@@ -119,9 +119,12 @@ def _blueprint(shown: Sequence[Shown], roots: Sequence[str]) -> rrb.Blueprint:
 
 
 def _make_roots(titles: Sequence[str]) -> list[str]:
-    """Return a path for each run, named after it; runs of the same name are numbered."""
+    """Return a path for each run, named after it, as Rerun writes paths; runs of the same name are numbered."""
+    import rerun as rr
+
     names = [title.replace("/", "_") or "run" for title in titles]
-    return [f"/{name}" if names.count(name) == 1 else f"/{name} ({place})" for place, name in enumerate(names, 1)]
+    unique = [name if names.count(name) == 1 else f"{name} ({place})" for place, name in enumerate(names, 1)]
+    return [f"/{rr.escape_entity_path_part(name)}" for name in unique]
 
 
 def _send(shown: Shown, canvas: Canvas) -> None:

@@ -251,12 +251,14 @@ def test_a_trial_that_does_not_exist_is_refused(tmp_path: Path) -> None:
         saved(tmp_path, replace(with_maps(RUN), trial=17))
 
 
-def test_runs_are_shown_side_by_side_below_their_names(tmp_path: Path) -> None:
+def test_runs_are_shown_side_by_side_below_their_names(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     found = saved(tmp_path, Shown(RUN, "source"), Shown(RUN, "target"))
     for root in ("/source", "/target"):
         assert len(column(found[f"{root}/world/robot/struts"], "strips")) == 4 * 21
     same = saved(tmp_path, Shown(RUN, "flat"), Shown(RUN, "flat"))
     assert {"/flat (1)/result", "/flat (2)/result"} <= {path.replace("\\", "") for path in same}
+    assert "Result: flat (1)" in print_recording(tmp_path / "run.rrd")
+    assert "WARN" not in capfd.readouterr().err
 
 
 def test_a_twin_says_that_its_scatter_is_simulated() -> None:
