@@ -123,8 +123,8 @@ def draw(panels: tuple[Panel, ...], title: str, path: Path) -> None:
     from matplotlib.figure import Figure
 
     fastest_mm_s = 1000.0 * max(float(np.nanmax(panel.speed_m_s, initial=0.0)) for panel in panels)
-    figure = Figure(figsize=(4.2 * len(panels) + 1.0, 4.4), layout="constrained")
-    figure.suptitle(title)
+    figure = Figure(figsize=(4.2 * len(panels) + 1.0, 4.7), layout="constrained")
+    figure.suptitle(title, fontsize="x-large")
     for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
         mesh = axes.pcolormesh(
             panel.frequency_hz, panel.frequency_hz, 1000.0 * panel.speed_m_s, vmin=0.0, vmax=fastest_mm_s
@@ -132,6 +132,6 @@ def draw(panels: tuple[Panel, ...], title: str, path: Path) -> None:
         first, second = panel.motors
         off = [motor + 1 for motor in range(3) if motor not in panel.motors]
         axes.set(xlabel=f"motor {first + 1} (Hz)", ylabel=f"motor {second + 1} (Hz)", aspect="equal")
-        axes.set_title("motor " + ", ".join(map(str, off)) + " off")
+        axes.set_title("motor " + ", ".join(map(str, off)) + " off", fontsize="medium")
     figure.colorbar(mesh, ax=figure.axes, label="speed (mm/s)")
     figure.savefig(path, dpi=150)
