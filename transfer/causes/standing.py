@@ -47,11 +47,15 @@ def is_far_below(speed_m_s: float, before: Sequence[float]) -> bool:
     return bool(moved) and 0.0 <= speed_m_s < _FAR_BELOW * float(np.median(moved))
 
 
-def find_standing(speeds_m_s: Sequence[float]) -> tuple[bool, ...]:
+def find_standing(speeds_m_s: Sequence[float], far_below: float = _FAR_BELOW) -> tuple[bool, ...]:
     """Return for each trial of one gait whether the robot stood still in it.
 
     Those are the trials below 0.3 of the mean of the ones above the widest gap, as a ratio, between neighbouring
     speeds; at most half of them. A gait that never moved never stood out.
+
+    Args:
+        speeds_m_s: speeds of the trials.
+        far_below: share to take in place of 0.3.
     """
     speeds = np.asarray(speeds_m_s, dtype=float)
     if len(speeds) < 2 or speeds.max() <= 0.0:
@@ -59,9 +63,9 @@ def find_standing(speeds_m_s: Sequence[float]) -> tuple[bool, ...]:
     ordered = np.maximum(np.sort(speeds), 1e-3 * speeds.max())
     ratios = ordered[1:] / ordered[:-1]
     upper = ordered[int(ratios.argmax()) + 1 :]
-    if ratios.max() < 1.0 / _FAR_BELOW or 2 * len(upper) < len(speeds):
+    if ratios.max() < 1.0 / far_below or 2 * len(upper) < len(speeds):
         return (False,) * len(speeds)
-    return tuple((speeds < _FAR_BELOW * upper.mean()).tolist())
+    return tuple((speeds < far_below * upper.mean()).tolist())
 
 
 def describe_standing(speeds_m_s: Sequence[float]) -> Standing:

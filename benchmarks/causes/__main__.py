@@ -1,0 +1,48 @@
+"""Whether the causes of scatter are found in a run's own trials, and what it is worth: ``python -m benchmarks.causes``.
+
+    python -m benchmarks.causes floor --seeds 1000 1020 --out floor.jsonl
+
+Each part is a module beside this one, which says how it measures. A finished run is a line in the file of ``--out``,
+and what the file has is not measured again.
+"""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from pathlib import Path
+
+from benchmarks.causes import floor, gain, standing, strength, turning
+from benchmarks.causes.rows import Rows
+
+PARTS = {
+    "floor": floor.measure,
+    "strength": strength.measure,
+    "laboratory": strength.measure_laboratory,
+    "standing": standing.measure,
+    "turning": turning.measure,
+    "gain": gain.measure_gain,
+    "learning": gain.measure_learning,
+}
+
+
+def main() -> None:
+    """Measure one part, and print what was found."""
+    parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("part", choices=PARTS)
+    parser.add_argument("--seeds", type=int, nargs=2, default=[1000, 1010], metavar=("FIRST", "END"))
+    parser.add_argument("--twin", default="spatial", help="of gain and learning")
+    parser.add_argument("--method", default="drive", help="of gain and learning")
+    parser.add_argument("--scatters", nargs="+", default=["careful", "hurried"], help="of gain and learning")
+    parser.add_argument("--bodies", nargs="+", default=["prism3", "icosahedron6"], help="of floor")
+    parser.add_argument("--inclines", nargs="+", type=float, default=[0.0, 0.02, 0.05], help="of floor")
+    parser.add_argument("--csv", type=Path, help="of laboratory: a table with the columns series and displacement_mm")
+    parser.add_argument("--out", type=Path, default=Path("causes.jsonl"))
+    arguments = parser.parse_args()
+    if arguments.part == "laboratory" and arguments.csv is None:
+        parser.error("the part laboratory reads a table of repeats: give --csv FILE")
+    arguments.seeds = range(*arguments.seeds)
+    PARTS[arguments.part](Rows(arguments.out), arguments)
+
+
+if __name__ == "__main__":
+    main()
