@@ -152,10 +152,17 @@ class GaitSpace:
 
     def to_unit(self, gait: Gait) -> NDArray[np.float64]:
         """Return the gait's place in the unit cube, shape (dimension,); outside of it if the gait is out of bounds."""
+        return self.to_units((gait,))[0]
+
+    def to_units(self, gaits: Sequence[Gait]) -> NDArray[np.float64]:
+        """Return the gaits' places in the unit cube, shape (gaits, dimension)."""
         import numpy as np  # here, so that the command line's help need not wait for it
 
-        values = [getattr(gait, p.quantity.field)[p.motor] for p in self.parameters]
-        return np.array([(v - p.low) / (p.high - p.low) for v, p in zip(values, self.parameters, strict=True)])
+        of_motors = {it: np.array([getattr(gait, it.field) for gait in gaits], dtype=float) for it in Quantity}
+        places = np.empty((len(gaits), self.dimension))
+        for at, p in enumerate(self.parameters if gaits else ()):
+            places[:, at] = (of_motors[p.quantity][:, p.motor] - p.low) / (p.high - p.low)
+        return places
 
     def from_unit(self, unit: NDArray[np.float64]) -> Gait:
         """Return the gait at a place of the unit cube, shape (dimension,).

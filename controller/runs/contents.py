@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, TypeVar
+from typing import IO, Any, TypeVar
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError, Message
@@ -16,12 +16,19 @@ from vvvaltr.controller.core.values import Command, MotorState, Pose, Suggestion
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement, measure_pieces
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
-from vvvaltr.controller.runs.schema.limits import check_message, check_record, check_size
+from vvvaltr.controller.runs.schema.limits import check_message, check_size
 from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, Entry, TornFile, read_entries
 from vvvaltr.controller.runs.schema.trial_codec import decode_trial
 
 FORMAT = 2  # version 0.1 wrote format 1
-_RECORDINGS = frozenset({"/robot/tracking", "/motors/command", "/motors/state", "/tracker/picture"})
+_RECORDED: dict[str, tuple[str, type[Message], Callable[[Any], object]]] = {
+    "/robot/tracking": ("poses", pb.Tracking, codec.decode_tracking),
+    "/motors/command": ("commands", pb.Command, codec.decode_command),
+    "/motors/state": ("states", pb.MotorState, codec.decode_state),
+    "/tracker/picture": ("pictures", CompressedImage, lambda picture: picture),
+}
+"""What is recorded during a drive, by its topic: where it is kept, its message, and how that is decoded."""
+
 
 
 @dataclass(slots=True)
@@ -56,8 +63,6 @@ class Contents:
         try:
             for entry in read_entries(file):
                 messages.append(entry)
-                if entry.topic in _RECORDINGS and not self._needs_recordings:
-                    continue
                 self._take(entry)
                 if entry.topic == "/trial":
                     yield messages
@@ -75,22 +80,19 @@ class Contents:
 
     def _take(self, entry: Entry) -> None:
         """Add one message. What other programs have put on topics of their own is passed over."""
-        topic, payload = entry.topic, entry.payload
+        topic, _, payload = entry
         check_size(topic, payload)
+        if (recorded := _RECORDED.get(topic)) is not None:
+            if self._needs_recordings:
+                name, kind, decode = recorded
+                getattr(self, name).append(decode(kind.FromString(payload)))
+            return
         match topic:
             case "/run":
                 self.begin_ns = entry.log_time_ns
                 self._begin(_checked(pb.Run.FromString(payload)))
             case "/optimizer/suggestion":
                 self.suggestion = codec.decode_suggestion(_checked(pb.Suggestion.FromString(payload)))
-            case "/robot/tracking":
-                self.poses.append(codec.decode_tracking(_recorded(pb.Tracking.FromString(payload))))
-            case "/motors/command":
-                self.commands.append(codec.decode_command(_recorded(pb.Command.FromString(payload))))
-            case "/motors/state":
-                self.states.append(codec.decode_state(_recorded(pb.MotorState.FromString(payload))))
-            case "/tracker/picture":
-                self.pictures.append(CompressedImage.FromString(payload))
             case "/trial":
                 self._end_trial(_checked(pb.Trial.FromString(payload)))
 
@@ -137,18 +139,11 @@ class Contents:
 
 
 _Message = TypeVar("_Message", bound=Message)
-_Record = TypeVar("_Record", pb.Tracking, pb.Command, pb.MotorState)
 
 
 def _checked(message: _Message) -> _Message:
     """Return a message that a run could have written. Raises ValueError."""
     check_message(message)
-    return message
-
-
-def _recorded(message: _Record) -> _Record:
-    """Return what a trial could have recorded. Raises ValueError."""
-    check_record(message)
     return message
 
 

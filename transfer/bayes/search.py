@@ -122,8 +122,10 @@ class Search:
         Raises:
             ValueError: as of ``tell``.
         """
+        if list(history[: len(self._history)]) != self._history:  # else what was found of these trials holds
+            self._corrector = Corrector(_span_hz(self._space))
         self._trials, self._belief, self._proposal = Trials.none(self._space), self._at_first, None
-        self._history, self._corrector, self._found = [], Corrector(_span_hz(self._space)), {}
+        self._history, self._found = [], {}
         logged = max((i for i, told in enumerate(history, start=1) if told.fit), default=0)
         known = self._restore(history[:logged]) if logged else 0
         for told in history[known:]:
@@ -131,18 +133,19 @@ class Search:
 
     def _restore(self, history: Sequence[Told]) -> int:
         """Learn from a history that ends with a fit; return how many trials of it were learned from: all, or none."""
-        told = self._see(history)
         newest = max((i for i, each in enumerate(history, start=1) if each.fit and each.fit.is_new), default=0)
+        first = self._see(history[:newest])
+        told = first if newest == len(history) else self._see(history)
         fit = history[newest - 1].fit if newest else None
         try:
             numbers = {name: it for name, it in fit.hyperparameters.items() if name not in CAUSES} if fit else {}
             last = read_fit(self._space, numbers, newest)
-            belief = self._learn(self._see(history[:newest]), last, self._stream(FITTING, newest))
+            belief = self._learn(first, last, self._stream(FITTING, newest))
             if newest < len(told):
                 belief = self._learn(told, belief.fitted, self._stream(FITTING, len(told)))
         except (ValueError, KeyError, np.linalg.LinAlgError):  # another method's, or spoilt: it is fitted again
             return 0
-        self._trials, self._belief, self._history = self._see(history), belief, list(history)
+        self._trials, self._belief, self._history = told, belief, list(history)
         return len(history)
 
     def _see(self, history: Sequence[Told]) -> Trials:
@@ -242,4 +245,4 @@ def places(space: GaitSpace, gaits: Sequence[Gait]) -> Array:
     for gait in gaits:
         if gait.motor_count != space.motor_count:
             raise ValueError(f"gait {gait} is for {gait.motor_count} motors, the robot has {space.motor_count}")
-    return np.array([space.to_unit(gait) for gait in gaits]).reshape(-1, space.dimension)
+    return space.to_units(gaits)

@@ -6,6 +6,7 @@ Each ``decode_...`` raises ValueError where a message holds what no run writes.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import chain
 from math import cos, sin
 
@@ -34,6 +35,15 @@ from vvvaltr.controller.core.values import (
     Vector,
 )
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
+from vvvaltr.controller.runs.schema.limits import (
+    MOST_MARKERS,
+    MOST_MOTORS,
+    bounded,
+    check_message,
+    check_place,
+    check_time,
+    counted,
+)
 
 
 def encode_gait(gait: Gait) -> pb.Gait:
@@ -157,13 +167,16 @@ def encode_tracking(pose: Pose) -> pb.Tracking:
 
 def decode_tracking(message: pb.Tracking) -> Pose:
     """Return the pose of a message."""
+    t_s, position_m = message.t_s, (message.x_m, message.y_m, message.z_m)
+    check_time(t_s)
+    check_place(*position_m)
     return Pose(
-        finite(message.t_s, "t_s"),
-        (message.x_m, message.y_m, message.z_m),
+        t_s,
+        position_m,
         message.yaw_rad,
         message.pitch_rad,
         message.roll_rad,
-        _group_vectors(message.markers_m),
+        _group_vectors(counted("markers_m", message.markers_m, MOST_MARKERS)),
         _decode_forces(message.forces) if message.HasField("forces") else None,
         finite(message.uncertainty_m, "uncertainty_m") if message.HasField("uncertainty_m") else None,
     )
@@ -180,10 +193,10 @@ def _encode_forces(forces: Forces) -> pb.Forces:
 
 def _decode_forces(message: pb.Forces) -> Forces:
     return Forces(
-        tuple(message.tensions_n),
-        _group_vectors(message.motors_n),
-        _group_vectors(message.contacts_m),
-        _group_vectors(message.contacts_n),
+        bounded("tensions_n", message.tensions_n),
+        _group_vectors(bounded("motors_n", message.motors_n)),
+        _group_vectors(bounded("contacts_m", message.contacts_m)),
+        _group_vectors(bounded("contacts_n", message.contacts_n)),
     )
 
 
@@ -249,7 +262,17 @@ def encode_command(command: Command) -> pb.Command:
 
 def decode_command(message: pb.Command) -> Command:
     """Return the command of a message."""
-    return Command(finite(message.t_s, "t_s"), decode_gait(message.gait), message.hold_s)
+    t_s = message.t_s
+    check_time(t_s)
+    return Command(t_s, _decode_commanded(message.gait.SerializeToString()), *bounded("hold_s", (message.hold_s,)))
+
+
+@lru_cache(64)
+def _decode_commanded(payload: bytes) -> Gait:
+    """Return the gait of a command: one value, for a trial commands the same gait all the time."""
+    message = pb.Gait.FromString(payload)
+    check_message(message)
+    return decode_gait(message)
 
 
 def encode_state(state: MotorState) -> pb.MotorState:
@@ -265,10 +288,12 @@ def encode_state(state: MotorState) -> pb.MotorState:
 
 def decode_state(message: pb.MotorState) -> MotorState:
     """Return the motors' state of a message."""
+    t_s = message.t_s
+    check_time(t_s)
     return MotorState(
-        finite(message.t_s, "t_s"),
-        tuple(message.frequency_hz),
+        t_s,
+        counted("frequency_hz", message.frequency_hz, MOST_MOTORS),
         message.measured,
-        tuple(message.current_a),
-        tuple(message.temperature_c),
+        counted("current_a", message.current_a, MOST_MOTORS),
+        counted("temperature_c", message.temperature_c, MOST_MOTORS),
     )

@@ -6,7 +6,8 @@ A log may come from anybody. What is refused here would otherwise cost hours or 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sized
+from collections.abc import Iterable, Mapping, Sequence, Sized
+from functools import lru_cache
 
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
@@ -24,7 +25,10 @@ _GREATEST = {"_m_s": 1e3, "_m": 1e5, "_hz": 1e5, "_rad": 1e6, "_s": 1e12}  # by 
 _GREATEST_NUMBER = 1e15
 _LONGEST_S, _FARTHEST_M = 1e5, 1e5
 _MOST = {"gaits": 1_000_000, "scores_m_s": 1_000_000, "height_m": 1_000_000}
-_MOST_ENTRIES, _MOST_MOTORS, _MOST_LETTERS = 10_000, 64, 100_000
+_MOST_ENTRIES, _MOST_LETTERS = 10_000, 100_000
+
+MOST_MOTORS, MOST_MARKERS = 64, _MOST_ENTRIES
+"""Of a robot, and numbers of a pose's markers."""
 
 
 def check_message(message: Message) -> None:
@@ -39,7 +43,7 @@ def check_message(message: Message) -> None:
             _check_values(field, (value,))
     match message:
         case pb.Gait():
-            check_count("gait.frequency_hz", message.frequency_hz, _MOST_MOTORS)
+            check_count("gait.frequency_hz", message.frequency_hz, MOST_MOTORS)
         case pb.Structure():
             _check_structure(message)
         case pb.Source():
@@ -55,30 +59,30 @@ def check_size(topic: str, payload: bytes) -> None:
         raise ValueError(f"a message on {topic} has {len(payload)} bytes; allowed: up to {MOST_BYTES}")
 
 
-def check_record(message: pb.Tracking | pb.Command | pb.MotorState) -> None:
-    """Do what ``check_message`` does, quickly: most of a log are these, and a pose may be no number."""
-    if not abs(message.t_s) <= _LONGEST_S:
-        raise ValueError(f"t_s is {message.t_s:g}; allowed: up to {_LONGEST_S:g}")
-    match message:
-        case pb.Tracking():
-            if _FARTHEST_M < max(map(abs, (message.x_m, message.y_m, message.z_m))) < math.inf:
-                raise ValueError(f"a pose is farther away than {_FARTHEST_M:g} m")
-            check_count("markers_m", message.markers_m)
-            if message.HasField("forces"):
-                check_message(message.forces)
-        case pb.Command():
-            if not _is_usual(message):
-                check_message(message)
-        case pb.MotorState():
-            for values in (message.frequency_hz, message.current_a, message.temperature_c):
-                check_count("motor state", values, _MOST_MOTORS)
+def check_time(t_s: float) -> None:
+    """Raise ValueError for a time within a trial that none has; NaN is none."""
+    if not abs(t_s) <= _LONGEST_S:
+        raise ValueError(f"t_s is {t_s:g}; allowed: up to {_LONGEST_S:g}")
 
 
-def _is_usual(command: pb.Command) -> bool:
-    """Return whether a command sets frequencies alone, as nearly all do, and ones that a run could have written."""
-    gait = command.gait
-    is_plain = not gait.phase_rad and not gait.amplitude and len(gait.frequency_hz) <= _MOST_MOTORS
-    return is_plain and all(abs(hz) <= _GREATEST["_hz"] for hz in gait.frequency_hz) and abs(command.hold_s) <= 1e12
+def check_place(x_m: float, y_m: float, z_m: float) -> None:
+    """Raise ValueError for a place that is too far away. A pose may be no number: that is what the tracker said."""
+    if _FARTHEST_M < max(abs(x_m), abs(y_m), abs(z_m)) < math.inf:
+        raise ValueError(f"a pose is farther away than {_FARTHEST_M:g} m")
+
+
+def bounded(name: str, numbers: Sequence[float]) -> tuple[float, ...]:
+    """Return the numbers of a field. Raises ValueError, naming the field, as ``check_message`` does."""
+    check_count(name, numbers, _MOST.get(name, _MOST_ENTRIES))
+    values = tuple(numbers)
+    _check_numbers(name, values)
+    return values
+
+
+def counted(name: str, numbers: Sequence[float], most: int) -> tuple[float, ...]:
+    """Return the numbers of a field, whatever they are. Raises ValueError, naming the field, for too many."""
+    check_count(name, numbers, most)
+    return tuple(numbers)
 
 
 def check_count(name: str, values: Sized, most: int = _MOST_ENTRIES) -> None:
@@ -96,7 +100,7 @@ def _check_values(field: FieldDescriptor, values: Iterable[object]) -> None:
             for value in values:
                 _check_text(field.name, value)
         case FieldDescriptor.CPPTYPE_DOUBLE:
-            _check_numbers(field.name, values)  # type: ignore[arg-type]
+            _check_numbers(field.name, tuple(values))  # type: ignore[arg-type]
 
 
 def _check_map(name: str, content: Mapping[str, object]) -> None:
@@ -114,11 +118,19 @@ def _check_text(name: str, text: object) -> None:
         raise ValueError(f"{name} has {len(text)} letters; allowed: up to {_MOST_LETTERS}")
 
 
-def _check_numbers(name: str, numbers: Iterable[float]) -> None:
-    greatest = next((most for unit, most in _GREATEST.items() if name.endswith(unit)), _GREATEST_NUMBER)
-    for number in numbers:
-        if not abs(number) <= greatest:  # false also for NaN
-            raise ValueError(f"{name} is {number:g}; allowed: finite numbers up to {greatest:g}")
+def _check_numbers(name: str, numbers: Sequence[float]) -> None:
+    if not numbers:
+        return
+    greatest = _find_greatest(name)
+    # Most of a log are such numbers: whole series are looked at, and NaN, which no comparison finds, by the sum.
+    if min(numbers) < -greatest or max(numbers) > greatest or math.isnan(sum(numbers)):
+        number = next(it for it in numbers if not abs(it) <= greatest)
+        raise ValueError(f"{name} is {number:g}; allowed: finite numbers up to {greatest:g}")
+
+
+@lru_cache(128)  # not of all names: those of a map are the log's
+def _find_greatest(name: str) -> float:
+    return next((most for unit, most in _GREATEST.items() if name.endswith(unit)), _GREATEST_NUMBER)
 
 
 def _check_structure(message: pb.Structure) -> None:
@@ -128,4 +140,4 @@ def _check_structure(message: pb.Structure) -> None:
         raise ValueError("structure: an edge ends at a strut end that does not exist")
     if any(strut >= len(message.struts) for strut in message.motor_struts):
         raise ValueError("structure: a motor is on a strut that does not exist")
-    check_count("motor_struts", message.motor_struts, _MOST_MOTORS)
+    check_count("motor_struts", message.motor_struts, MOST_MOTORS)

@@ -49,7 +49,7 @@ def log(tmp_path: Path) -> Path:
         ("/robot/tracking", pb.Tracking(t_s=1e12), "t_s is 1e+12"),
         ("/robot/tracking", pb.Tracking(x_m=1e30), "farther away than 100000 m"),
         ("/robot/tracking", pb.Tracking(markers_m=[0.0] * 300_000), "markers_m has"),
-        ("/motors/state", pb.MotorState(current_a=[0.1] * 100_000), "motor state has"),
+        ("/motors/state", pb.MotorState(current_a=[0.1] * 100_000), "current_a has"),
         ("/motors/command", pb.Command(hold_s=math.nan), "hold_s is nan"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
