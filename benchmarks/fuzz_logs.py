@@ -30,7 +30,6 @@ from vvvaltr.controller.runs.schema.mcap_writer import ChunkWriter, Stamped
 Entries = list[tuple[str, Message]]
 
 _NUMBERS = (math.nan, math.inf, 1e308, -1e12, 0.0, -1.0)
-_WHOLE = (0, 2**32 - 1)
 _TEXTS = ("", "nonsense", "\x1b[2J\u202e", "x" * 200_000)
 _MANY = 100_000
 _SLOW_S = 10.0
@@ -117,7 +116,11 @@ def _absurd(field: Any, dice: random.Random) -> Any:
             return b"x" * 1000 if field.type == FieldDescriptor.TYPE_BYTES else dice.choice(_TEXTS)
         case FieldDescriptor.CPPTYPE_BOOL:
             return dice.random() < 0.5
-    return dice.choice(_WHOLE)
+        case FieldDescriptor.CPPTYPE_INT64:
+            return dice.choice((0, -(2**63), 2**63 - 1))
+        case FieldDescriptor.CPPTYPE_INT32:
+            return dice.choice((0, -1, 2**31 - 1))
+    return dice.choice((0, 2**32 - 1))
 
 
 def try_commands(run: Path, scratch: Path) -> Iterator[str]:

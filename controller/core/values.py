@@ -152,13 +152,15 @@ class GaitSpace:
 
     def to_unit(self, gait: Gait) -> NDArray[np.float64]:
         """Return the gait's place in the unit cube, shape (dimension,); outside of it if the gait is out of bounds."""
-        return self.to_units((gait,))[0]
+        place: NDArray[np.float64] = self.to_units((gait,))[0]
+        return place
 
     def to_units(self, gaits: Sequence[Gait]) -> NDArray[np.float64]:
         """Return the gaits' places in the unit cube, shape (gaits, dimension)."""
         import numpy as np  # here, so that the command line's help need not wait for it
 
-        of_motors = {it: np.array([getattr(gait, it.field) for gait in gaits], dtype=float) for it in Quantity}
+        fields = {p.quantity: p.quantity.field for p in self.parameters}
+        of_motors = {it: np.array([getattr(gait, field) for gait in gaits]) for it, field in fields.items()}
         places = np.empty((len(gaits), self.dimension))
         for at, p in enumerate(self.parameters if gaits else ()):
             places[:, at] = (of_motors[p.quantity][:, p.motor] - p.low) / (p.high - p.low)

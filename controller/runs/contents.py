@@ -30,7 +30,6 @@ _RECORDED: dict[str, tuple[str, type[Message], Callable[[Any], object]]] = {
 """What is recorded during a drive, by its topic: where it is kept, its message, and how that is decoded."""
 
 
-
 @dataclass(slots=True)
 class Contents:
     """What has been read of a log so far.

@@ -11,7 +11,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+    import pyarrow as pa
     import rerun as rr
+    from numpy.typing import NDArray
+
+    from vvvaltr.controller.core.arrays import Array
 
 _LACKING = re.compile(r"[^\n\t\x20-\x7e\xa1-\xac\xae-\u024f]")  # all Latin letters are there
 
@@ -58,6 +63,27 @@ class Canvas:
             indexes = [rr.TimeColumn("time", duration=nanoseconds), rr.TimeColumn("trial", sequence=numbers)]
             self._recording.send_columns(f"{self.root}/{path}", indexes, columns)
             time.sleep(0.0)  # lets another thread go on: a live view must not hold up the loop that it shows
+
+
+def join_strips(points: Array, counts: Sequence[int] | NDArray[np.intp]) -> pa.Array:
+    """Return lines for ``LineStrips2D`` or ``LineStrips3D``, all at once: their lists are taken point by point.
+
+    Args:
+        points: the points (n, 2) or (n, 3) of all lines, one line after another.
+        counts: number of points of each line.
+    """
+    import numpy as np
+    import pyarrow as pa
+    import rerun as rr
+
+    batch, kind = (
+        (rr.encodings.Vec2DBatch, rr.components.LineStrip2DBatch)
+        if points.shape[1] == 2
+        else (rr.encodings.Vec3DBatch, rr.components.LineStrip3DBatch)
+    )
+    ends = np.cumsum(np.concatenate([[0], counts]), dtype=np.int32)
+    inner = batch(np.ascontiguousarray(points, dtype=np.float32)).as_arrow_array()
+    return pa.ListArray.from_arrays(ends, inner, type=kind([]).as_arrow_array().type)
 
 
 def _readable(batch: rr.ComponentBatchLike) -> rr.ComponentBatchLike:

@@ -9,18 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.view.canvas import Canvas, When
+from vvvaltr.controller.view.canvas import Canvas, When, join_strips
 from vvvaltr.controller.view.scatter_causes import is_reference
-
-if TYPE_CHECKING:
-    pass
 
 _Point = tuple[float, float]
 _Colour = tuple[int, int, int]
@@ -67,6 +62,11 @@ class Axes:
         """Return the place of a trial and a speed, which is kept within the axes."""
         share = (speed_mm_s - self.low) / (self.high - self.low)
         return _WIDE * trial / self.trials, _HIGH * (1.0 - min(1.0, max(0.0, share)))
+
+    def places(self, trials: Array, speeds_mm_s: Array) -> Array:
+        """Return the places (n, 2) of trials (n,) and speeds (n,), as ``place`` does of one."""
+        shares = (speeds_mm_s - self.low) / (self.high - self.low)
+        return np.stack([_WIDE * trials / self.trials, _HIGH * (1.0 - np.clip(shares, 0.0, 1.0))], axis=1)
 
 
 def nice_step(span: float, count: int) -> float:
@@ -136,13 +136,14 @@ def send_chart(canvas: Canvas, axes: Axes, trials: Sequence[LoggedTrial], ends: 
 
     rows = list(_rows(len(trials), new, every=1 + len(trials) // _ROWS))
     whens = [ends[row - 1] for row in rows]
-    points = [_point(axes, logged) for logged in trials]
-    shown = [points[:row] for row in rows]
+    marks = [_mark(axes, logged) for logged in trials]
+    places = axes.places(*np.array([place for place, _ in marks]).T)
+    colours = np.array([colour for _, colour in marks], dtype=np.uint8)
     measured = rr.Points2D.columns(
-        positions=_join([place for place, _ in each] for each in shown),
-        colors=np.reshape([colour for each in shown for _, colour in each], (-1, 3)).astype(np.uint8),
+        positions=np.concatenate([places[:row] for row in rows]),
+        colors=np.concatenate([colours[:row] for row in rows]),
     )
-    canvas.send("chart/measured", whens, measured.partition([len(each) for each in shown]))
+    canvas.send("chart/measured", whens, measured.partition(rows))
     known = [logged for logged in trials if logged.recommendation is not None]
     if not known:
         return
@@ -156,11 +157,13 @@ def _send_belief(canvas: Canvas, axes: Axes, curves: Array, believed: Sequence[t
     """Send mean and band of the first so many columns of ``curves``, for each time and number in ``believed``."""
     import rerun as rr
 
-    whens = [when for when, _ in believed]
-    strips = [[axes.place(x, mean) for x, mean in curves[:2, :count].T] for _, count in believed]
+    whens, counts = [when for when, _ in believed], [count for _, count in believed]
+    means = axes.places(*curves[:2])
+    strips = join_strips(np.concatenate([means[:count] for count in counts]), counts)
     canvas.send("chart/mean", whens, rr.LineStrips2D.columns(strips=strips))
-    bands = [list(_band(axes, curves[:, :count])) for _, count in believed]
-    columns = rr.LineStrips2D.columns(strips=np.reshape(list(chain.from_iterable(bands)), (-1, 2, 2)))
+    bands = [_band(axes, curves[:, :count]) for count in counts]
+    lines = np.concatenate(bands)
+    columns = rr.LineStrips2D.columns(strips=join_strips(lines.reshape(-1, 2), np.full(len(lines), 2)))
     canvas.send("chart/band", whens, columns.partition(list(map(len, bands))))
 
 
@@ -171,11 +174,12 @@ def _rows(count: int, new: int, every: int) -> Iterator[int]:
             yield row
 
 
-def _point(axes: Axes, logged: LoggedTrial) -> tuple[_Point, _Colour]:
+def _mark(axes: Axes, logged: LoggedTrial) -> tuple[tuple[float, float], _Colour]:
+    """Return number, speed in mm/s and colour of a trial; one that measured nothing is at the bottom."""
     if logged.score is None:
-        return axes.place(logged.trial.number, axes.low), _FAILED
+        return (logged.trial.number, axes.low), _FAILED
     colour = _SUSPECT if logged.review.is_suspect else _REFERENCE if is_reference(logged) else _MEASURED
-    return axes.place(logged.trial.number, 1000.0 * logged.score), colour
+    return (logged.trial.number, 1000.0 * logged.score), colour
 
 
 def _curves(axes: Axes, known: Sequence[LoggedTrial]) -> Array:
@@ -186,13 +190,9 @@ def _curves(axes: Axes, known: Sequence[LoggedTrial]) -> Array:
     return curves
 
 
-def _band(axes: Axes, curves: Array) -> Iterator[tuple[_Point, _Point]]:
-    """Yield upright lines, side by side, that fill the interval."""
+def _band(axes: Axes, curves: Array) -> Array:
+    """Return upright lines (n, 2, 2), side by side, that fill the interval."""
     step = _BAND_STEP * axes.trials / _WIDE
     numbers, _, low, high = curves
-    for x in np.arange(numbers[0], numbers[-1] + step / 2, step):
-        yield axes.place(x, float(np.interp(x, numbers, low))), axes.place(x, float(np.interp(x, numbers, high)))
-
-
-def _join(groups: Iterator[list[_Point]]) -> Array:
-    return np.reshape(list(chain.from_iterable(groups)), (-1, 2))
+    x = np.arange(numbers[0], numbers[-1] + step / 2, step)
+    return np.stack([axes.places(x, np.interp(x, numbers, side)) for side in (low, high)], axis=1)

@@ -15,7 +15,7 @@ import numpy as np
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Pose, Structure, Trial
 from vvvaltr.controller.runs.log import find_trial_span_ns
-from vvvaltr.controller.view.canvas import Canvas, When
+from vvvaltr.controller.view.canvas import Canvas, When, join_strips
 from vvvaltr.controller.view.chart import Axes, Entry, list_legend, send_axes, send_chart, send_chart_styles
 from vvvaltr.controller.view.scatter_causes import ScatterCauses, find_causes, tell_scatter
 from vvvaltr.controller.view.scene_causes import send_causes
@@ -25,7 +25,7 @@ from vvvaltr.controller.view.scene_photos import send_photos
 from vvvaltr.controller.view.scene_styles import send_ground, send_motor_style, send_speed_styles, send_world_styles
 from vvvaltr.controller.view.speed_maps import Belief, send_map_frames, send_maps
 from vvvaltr.controller.view.watching import Moment
-from vvvaltr.controller.view.words import describe, write_result, write_table
+from vvvaltr.controller.view.words import describe, write_result, write_tables
 
 _CAUSES = 6  # times at which a run's causes of scatter are looked for: it takes a quarter of a second
 _LABEL_M = 0.07  # above the robot's centre
@@ -152,7 +152,8 @@ class Scene:
 
         begins = [it.begin for it in placed]
         paths = [np.reshape([pose.position_m for pose in it.trial.poses if pose.is_finite], (-1, 3)) for it in placed]
-        self._canvas.send("world/trail", begins, rr.LineStrips3D.columns(strips=paths))
+        strips = join_strips(np.concatenate(paths), list(map(len, paths)))
+        self._canvas.send("world/trail", begins, rr.LineStrips3D.columns(strips=strips))
         places = [np.array([0.0, 0.0, _LABEL_M]) + (path[0] if len(path) else 0.0) for path in paths]
         labels = [f"trial {it.trial.number}: {describe(it.logged)}" for it in placed]
         self._canvas.send("world/label", begins, rr.Points3D.columns(positions=places, labels=labels))
@@ -195,7 +196,8 @@ class Scene:
         ends = 1 + max((end for edge in edges for end in edge), default=0)
         seen = [(when, pose.markers_m[:ends]) for when, pose in poses if len(pose.markers_m) >= ends]
         if edges and seen:
-            strips = np.array([markers_m for _, markers_m in seen])[:, np.array(edges)].reshape(-1, 2, 3)
+            points = np.array([markers_m for _, markers_m in seen])[:, np.array(edges)].reshape(-1, 3)
+            strips = join_strips(points, np.full(len(seen) * len(edges), 2))
             columns = rr.LineStrips3D.columns(strips=strips).partition([len(edges)] * len(seen))
             self._canvas.send(path, [when for when, _ in seen], columns)
 
@@ -262,7 +264,7 @@ class Scene:
             results.append(write_result(trials) + "".join(self._causes) + about)
         for path, texts in (
             ("result", results),
-            ("trials", list(map(write_table, sofar))),
+            ("trials", write_tables(self._trials, list(map(len, sofar)))),
         ):
             media = ["text/markdown"] * len(texts)
             self._canvas.send(path, ends, rr.TextDocument.columns(text=texts, media_type=media))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -105,7 +105,7 @@ def speeds_mm_s(predict: Predict, pair: Pair, held: Gait, points: int) -> Array:
         for first in np.linspace(pair[0].low, pair[0].high, points):
             frequency_hz = list(held.frequency_hz)
             frequency_hz[pair[0].motor], frequency_hz[pair[1].motor] = float(first), float(second)
-            gaits.append(replace(held, frequency_hz=tuple(frequency_hz)))
+            gaits.append(Gait(tuple(frequency_hz), held.phase_rad, held.amplitude))
     return 1000.0 * np.array([estimate.mean for estimate in predict(gaits)]).reshape(points, points)
 
 

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from vvvaltr.controller.core.records import LoggedTrial, Run, SteeringStep
-from vvvaltr.controller.core.values import Gait, Pose
+from vvvaltr.controller.core.values import Gait, Outcome, Pose
 
 _TABLE_ROWS = 60  # the newest trials; `vvvaltr export` has all
 _TWINS = ("planar", "spatial")
@@ -27,7 +27,11 @@ def describe(logged: LoggedTrial) -> str:
 
 def name_outcome(logged: LoggedTrial) -> str:
     """Return how a trial ended, in words."""
-    return logged.trial.outcome.value.replace("_", " ")
+    return _name(logged.trial.outcome)
+
+
+def _name(outcome: Outcome) -> str:
+    return outcome.value.replace("_", " ")
 
 
 def write_about(run: Run, has_maps: bool = False) -> str:
@@ -46,8 +50,8 @@ def write_result(trials: Sequence[LoggedTrial]) -> str:
     """Return the result of a run, or of its first trials."""
     if trials and trials[-1].steering is not None and trials[-1].recommendation is None:
         return _write_way(trials, trials[-1].steering)
-    outcomes = Counter(map(name_outcome, trials))
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
+    outcomes = Counter([logged.trial.outcome for logged in trials])
+    counts = ", ".join(f"{count} {_name(outcome)}" for outcome, count in outcomes.most_common())
     recommended = [logged.recommendation for logged in trials if logged.recommendation is not None]
     measured = [logged for logged in trials if logged.score is not None]
     if not recommended or not measured:
@@ -88,17 +92,25 @@ def _write_rest(pose: Pose, step: SteeringStep) -> str:
     return f"**{1000.0 * left_m:.0f} mm to go**, {abs(turn_rad):.2f} rad to turn"
 
 
-def write_table(trials: Sequence[LoggedTrial]) -> str:
-    """Return the newest trials as a table, the newest one first."""
-    lines = ["| trial | gait (Hz) | mm/s | outcome | why |", "|--:|---|--:|---|---|"]
-    for logged in reversed(trials[-_TABLE_ROWS:]):
-        speed = "" if logged.score is None else f"{1000 * logged.score:.1f}"
-        gait = write_gait(logged.trial.gait).removesuffix(" Hz")
-        cells = (str(logged.trial.number), gait, speed, name_outcome(logged), _reason(logged))
-        lines.append(f"| {' | '.join(cells)} |")
-    if len(trials) > _TABLE_ROWS:
-        lines.append(f"\n{len(trials) - _TABLE_ROWS} earlier trials are not listed; vvvaltr export writes all.")
+def write_tables(trials: Sequence[LoggedTrial], counts: Sequence[int]) -> list[str]:
+    """Return tables of the newest among the first so many trials, the newest one first, for each of ``counts``."""
+    first = max(0, min(counts, default=0) - _TABLE_ROWS)
+    rows = [_write_row(logged) for logged in trials[first:]]
+    return [_join_rows(rows[max(0, count - _TABLE_ROWS - first) : count - first], count) for count in counts]
+
+
+def _join_rows(rows: Sequence[str], count: int) -> str:
+    lines = ["| trial | gait (Hz) | mm/s | outcome | why |", "|--:|---|--:|---|---|", *reversed(rows)]
+    if count > len(rows):
+        lines.append(f"\n{count - len(rows)} earlier trials are not listed; vvvaltr export writes all.")
     return "\n".join(lines)
+
+
+def _write_row(logged: LoggedTrial) -> str:
+    speed = "" if logged.score is None else f"{1000 * logged.score:.1f}"
+    gait = write_gait(logged.trial.gait).removesuffix(" Hz")
+    cells = (str(logged.trial.number), gait, speed, name_outcome(logged), _reason(logged))
+    return f"| {' | '.join(cells)} |"
 
 
 def _reason(logged: LoggedTrial) -> str:

@@ -32,7 +32,7 @@ from vvvaltr.controller.view.scene import Scene
 from vvvaltr.controller.view.showing import save_runs
 from vvvaltr.controller.view.speed_maps import Belief
 from vvvaltr.controller.view.watching import Moment, WatchedRobot
-from vvvaltr.controller.view.words import write_about, write_result, write_table
+from vvvaltr.controller.view.words import write_about, write_result, write_tables
 
 RUN = sample_run(trials=4, poses=21)
 SPACE = GaitSpace.over(3, -16.0, 16.0)
@@ -199,7 +199,7 @@ def test_the_axis_of_speeds_follows_what_was_measured_and_not_the_first_interval
 
 
 def test_the_table_tells_why_a_trial_measured_nothing_and_why_one_is_suspect() -> None:
-    rows = write_table(RUN.trials).splitlines()
+    rows = write_tables(RUN.trials, [len(RUN.trials)])[0].splitlines()
     assert rows[0] == "| trial | gait (Hz) | mm/s | outcome | why |"
     assert "no pose for 0.3 s: is the tag in view?" in rows[4]
     assert "suspect: turned faster than it can" in rows[2]
