@@ -118,7 +118,7 @@ def _absurd(field: Any, dice: random.Random) -> Any:
             return dice.random() < 0.5
         case FieldDescriptor.CPPTYPE_INT64:
             return dice.choice((0, -(2**63), 2**63 - 1))
-        case FieldDescriptor.CPPTYPE_INT32:
+        case FieldDescriptor.CPPTYPE_INT32 | FieldDescriptor.CPPTYPE_ENUM:
             return dice.choice((0, -1, 2**31 - 1))
     return dice.choice((0, 2**32 - 1))
 

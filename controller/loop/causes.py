@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -101,7 +102,7 @@ def find_standing_gaits(history: Sequence[LoggedTrial]) -> dict[Gait, Standing]:
     for logged in history:
         if logged.score is not None:
             speeds_m_s.setdefault(logged.trial.gait, []).append(abs(logged.score))
-    told = {gait: describe_standing(speeds) for gait, speeds in speeds_m_s.items()}
+    told = {gait: describe_standing(speeds) for gait, speeds in speeds_m_s.items() if len(speeds) > 1}
     return {gait: standing for gait, standing in told.items() if standing.moving < standing.trials}
 
 
@@ -110,10 +111,14 @@ def find_loss_in(history: Sequence[LoggedTrial]) -> tuple[Loss, int] | None:
     valid = [logged for logged in history if logged.score is not None][-_RECENT:]
     if len(valid) < 4:
         return None
-    frequency_hz = np.array([logged.trial.gait.frequency_hz for logged in valid])
-    span_hz = max(float(np.ptp(frequency_hz)), 1e-9)
-    loss = find_loss(frequency_hz / span_hz, [abs(logged.score or 0.0) for logged in valid])
+    loss = _find_loss(*zip(*((it.trial.gait.frequency_hz, abs(it.score or 0.0)) for it in valid), strict=True))
     return None if loss is None or not loss.is_told else (loss, valid[loss.since].trial.number)
+
+
+@lru_cache(4)  # loop and summary ask for the same trials
+def _find_loss(frequency_hz: tuple[tuple[float, ...], ...], speeds_m_s: tuple[float, ...]) -> Loss | None:
+    places = np.array(frequency_hz)
+    return find_loss(places / max(float(np.ptp(places)), 1e-9), speeds_m_s)
 
 
 def have_turned(trials: Sequence[Trial]) -> bool:

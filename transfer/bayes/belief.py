@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -29,7 +29,7 @@ LARGEST = 1e9
 """Hyperparameters of a log beyond this, or below its inverse, were not fitted by this program."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Belief:
     """What has been learned.
 
@@ -69,7 +69,12 @@ class Belief:
 
     def promising(self, count: int = 5) -> Array:
         """Return the places seen (k, d), k <= count, that have the greatest posterior means, the greatest first."""
-        return np.asarray(self.seen[np.argsort(-self.posterior.predict_mean(self.seen), kind="stable")[:count]])
+        return np.asarray(self.seen[np.argsort(-self.means, kind="stable")[:count]])
+
+    @cached_property
+    def means(self) -> Array:
+        """Posterior means (k,) at the places seen."""
+        return self.posterior.predict_mean(self.seen)
 
 
 def refit(observations: Observations, last: Fitted | None, trials: int, rng: np.random.Generator) -> GaussianProcess:

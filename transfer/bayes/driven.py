@@ -132,11 +132,12 @@ class Driven:
         warped = view.warped / self.length
         squares = (warped**2).sum(axis=2)[:, :, None] + (self.x**2).sum(axis=2)[:, None]
         squares -= 2.0 * warped @ self.x.transpose(0, 2, 1)
-        correlation, rise = matern(np.maximum(squares, 0.0))
-        signal = self.signal[:, :, None] * self.loading
-        common = RISE_SD * view.trend[:, :, None] * self.trend[:, None, :, 0] + LEVEL_SD * self.trend[:, None, :, 1]
-        kernel, slope = signal * correlation + common, view.slope / self.length
-        return _Near(kernel, signal * rise, warped, slope, view.trend, view.trend_slope)
+        kernel, rise = matern(np.maximum(squares, 0.0, out=squares))
+        kernel *= self.signal[:, :, None] * self.loading
+        common = RISE_SD * view.trend[:, :, None] * self.trend[:, None, :, 0]
+        common += LEVEL_SD * self.trend[:, None, :, 1]
+        kernel += common
+        return _Near(kernel, rise, warped, view.slope / self.length, view.trend, view.trend_slope)
 
     def _means(self, near: _Near) -> Array:
         """Return the mean (h, m) of every hypothesis."""
@@ -153,7 +154,7 @@ class Driven:
 
     def _slopes(self, near: _Near, factor: Array) -> Array:
         """Return the gradient (h, m, d) of the kernel times ``factor`` (h, m, n) or (h, 1, n), which is held fixed."""
-        weighted = near.rise * factor
+        weighted = self.signal[:, :, None] * self.loading * near.rise * factor
         difference = weighted @ self.x - weighted.sum(axis=2)[:, :, None] * near.warped
         by_trend = RISE_SD * (factor @ self.trend[:, :, :1])
         return np.asarray(5.0 / 3.0 * difference * near.slope + by_trend * near.trend_slope)
@@ -161,7 +162,10 @@ class Driven:
 
 @dataclass(frozen=True, slots=True)
 class _Near:
-    """Some places as all hypotheses see them: kernel (h, m, n) with the observations, trend, and their slopes."""
+    """Some places as all hypotheses see them: kernel (h, m, n) with the observations, trend, and their slopes.
+
+    ``rise`` is that of ``matern``.
+    """
 
     kernel: Array
     rise: Array

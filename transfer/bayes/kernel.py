@@ -128,7 +128,14 @@ def covariance_of_row(observations: Observations, hyperparameters: Hyperparamete
 
 def matern(squares: Array) -> tuple[Array, Array]:
     """Return the correlation at scaled squared distances, and ``rise``: the correlation's derivative is -5/6 of it."""
-    distance = np.sqrt(5.0 * squares)
-    decay = np.exp(-distance)
-    rise = (1.0 + distance) * decay
-    return rise + (5.0 / 3.0) * squares * decay, rise
+    distance = 5.0 * squares  # in place from here on: these are the largest arrays of all
+    np.sqrt(distance, out=distance)
+    decay = np.negative(distance)
+    np.exp(decay, out=decay)
+    rise = distance
+    rise += 1.0
+    rise *= decay
+    correlation = (5.0 / 3.0) * squares
+    correlation *= decay
+    correlation += rise
+    return correlation, rise

@@ -82,7 +82,9 @@ def expected_best(belief: Belief, rng: np.random.Generator) -> float:
     """
     places = np.clip(belief.seen, 0.0, 1.0)
     if len(places) > INCUMBENT_PLACES:
-        places = places[np.argsort(-belief.posterior.predict_mean(places), kind="stable")[:INCUMBENT_PLACES]]
+        is_within = np.array_equal(places, belief.seen)
+        means = belief.means if is_within else belief.posterior.predict_mean(places)
+        places = places[np.argsort(-means, kind="stable")[:INCUMBENT_PLACES]]
     mean, variance = belief.posterior.predict(places)
     draws = mean + np.sqrt(variance) * rng.normal(size=(INCUMBENT_DRAWS, len(mean)))
     return float(draws.max(axis=1).mean())

@@ -71,6 +71,8 @@ class Corrected:
 class Corrector:
     """Corrects the trials of one run, again after each. It keeps what it computed; the results do not depend on it.
 
+    Whoever corrects again may add trials, or leave out the last ones, but must not change the earlier ones.
+
     Args:
         span_hz: width of the range of frequencies, over which gaits are alike or not.
     """
@@ -79,6 +81,7 @@ class Corrector:
         self._span_hz = span_hz
         self._drifts = DriftLearner()
         self._strengths = StrengthLearner()
+        self._gaits = _Applied()
 
     def correct(self, history: Sequence[Told]) -> Corrected:
         """Return the trials told so far, freed of what is not their gaits'; those without evidence as they are."""
@@ -93,7 +96,7 @@ class Corrector:
             scores[known], drift = self._take_off_floor(of, stood, scores[known])
             scores[known] *= strengths[known[-1]] / strengths[known]
             shares[known], scores[known] = _discount(of, stood, scores[known])
-        return Corrected(_find_applied(history), scores, shares, strengths, drift)
+        return Corrected(self._gaits.find(history), scores, shares, strengths, drift)
 
     def _take_off_floor(self, trials: Sequence[Told], stood: Array, scores: Array) -> tuple[Array, Drift | None]:
         cut = [i for i, told in enumerate(trials) if told.evidence and len(told.evidence.pieces) > 1 and not stood[i]]
@@ -130,7 +133,8 @@ def _find_standing(trials: Sequence[Told]) -> Array:
         by_gait.setdefault(told.gait, []).append(i)
     stood = np.zeros(len(trials), dtype=bool)
     for index in by_gait.values():
-        stood[index] = find_standing([abs(trials[i].score) for i in index])
+        if len(index) > 1:
+            stood[index] = find_standing([abs(trials[i].score) for i in index])
     return stood
 
 
@@ -143,14 +147,24 @@ def _discount(trials: Sequence[Told], stood: Array, scores: Array) -> tuple[Arra
     return shares, kept
 
 
-def _find_applied(history: Sequence[Told]) -> tuple[Gait, ...]:
-    """Return the gait that each trial counts for.
+class _Applied:
+    """Finds the gait that each trial counts for.
 
     A motor that applies the share r of what is commanded, in the median of all trials, applied f when f / r was, in
     effect, its command.
     """
-    ratios = _ratios(history[:RATIO_TRIALS])
-    return tuple(_in_effect(told, ratios) for told in history)
+
+    def __init__(self) -> None:
+        self._ratios: list[float] = []
+        self._gaits: list[Gait] = []
+
+    def find(self, history: Sequence[Told]) -> tuple[Gait, ...]:
+        """Return the gaits of the trials so far."""
+        ratios = _ratios(history[:RATIO_TRIALS])
+        if ratios != self._ratios:
+            self._ratios, self._gaits = ratios, []
+        self._gaits += [_in_effect(told, ratios) for told in history[len(self._gaits) :]]
+        return tuple(self._gaits[: len(history)])
 
 
 def _ratios(history: Sequence[Told]) -> list[float]:

@@ -111,6 +111,7 @@ class DriftLearner:
 
     def __init__(self) -> None:
         self._speeds: dict[int, tuple[tuple[Piece, ...], float]] = {}
+        self._turned: dict[tuple[int, tuple[float, float]], tuple[tuple[Piece, ...], bool]] = {}
         self._added: dict[tuple[int, float, float], _Added] = {}
         self._of_gaits: dict[tuple[tuple[int, float, float], ...], _OfGait] = {}
 
@@ -124,9 +125,9 @@ class DriftLearner:
             trials: the pieces of each, at least two.
             weights: of each the sum of the squared frequencies, in Hz^2.
         """
-        if not _have_turned(trials):
-            return None
         tuples = [tuple(pieces) for pieces in trials]
+        if not self._have_turned(tuples):
+            return None
         usual_m_s = _power_of_2(math.sqrt(float(np.mean([self._measure(pieces) ** 2 for pieces in tuples]))))
         usual_weight = _power_of_2(float(np.mean(weights)))
         if usual_m_s == 0.0 or usual_weight == 0.0:
@@ -148,6 +149,17 @@ class DriftLearner:
             covariance=scale**2 * drift.covariance,
             mean_weight=scale * usual_weight,
         )
+
+    def _have_turned(self, trials: Sequence[tuple[Piece, ...]]) -> bool:
+        """Return whether there are different headings; trackers without one, and robots in a plane, have one alone."""
+        first = next((piece.heading for pieces in trials for piece in pieces), (1.0, 0.0))
+        for pieces in trials:
+            key = id(pieces), first
+            if key not in self._turned:
+                self._turned[key] = pieces, _turns(pieces, first)
+            if self._turned[key][1]:
+                return True
+        return False
 
     def _measure(self, pieces: tuple[Piece, ...]) -> float:
         """Return the speed of a trial in m/s."""
@@ -187,11 +199,11 @@ def _power_of_2(number: float) -> float:
     return 2.0 ** round(math.log2(number)) if number > 0.0 else 0.0
 
 
-def _have_turned(trials: Sequence[Sequence[Piece]]) -> bool:
-    """Return whether there are different headings; trackers without one, and robots in a plane, have one alone."""
-    headings = (piece.heading for pieces in trials for piece in pieces)
-    first = next(headings, (1.0, 0.0))
-    away = (math.atan2(s * first[0] - c * first[1], c * first[0] + s * first[1]) for c, s in headings)
+def _turns(pieces: Sequence[Piece], first: tuple[float, float]) -> bool:
+    """Return whether a trial had another heading than ``first``."""
+    away = (
+        math.atan2(s * first[0] - c * first[1], c * first[0] + s * first[1]) for c, s in (it.heading for it in pieces)
+    )
     return any(abs(angle_rad) > _LEAST_TURN_RAD for angle_rad in away)
 
 
