@@ -260,10 +260,10 @@ def decision_ms() -> dict[str, float]:
     random, times_ms = np.random.default_rng(SEED), []
     for _ in range(200):
         velocities = random.normal(0.0, [0.008, 0.008, 0.3], (40, 3))
-        able = Abilities(velocities, np.abs(0.4 * velocities), random.normal(0.0, 0.003, 2), 0.2, 0.3)
+        able = Abilities(velocities, np.abs(0.4 * velocities), random.normal(0.0, 0.003, (40, 2)), 0.2, 0.3)
         goal = Goal(*random.uniform(-0.3, 0.3, 2))
         begin_s = time.thread_time()
-        plan(np.zeros(3), goal, able, Border((-0.5, 0.5), (-0.5, 0.5)), velocities[0])
+        plan(np.zeros(3), goal, able, Border((-0.5, 0.5), (-0.5, 0.5)), np.append(velocities[0], able.drift_m_s[0]))
         times_ms.append(1000.0 * (time.thread_time() - begin_s))
     return {"decision_ms": round(float(np.median(times_ms)), 1),
             "decision_p99_ms": round(float(np.quantile(times_ms, 0.99)), 1)}  # fmt: skip

@@ -17,13 +17,13 @@ from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.transfer.steering.belief import Belief
 from vvvaltr.transfer.steering.hypotheses import Knowledge
 from vvvaltr.transfer.steering.passage import passage, where
-from vvvaltr.transfer.steering.planner import Abilities, Border, Goal, Plan, plan
+from vvvaltr.transfer.steering.planner import DURATIONS_S, Abilities, Border, Goal, Plan, plan
 from vvvaltr.transfer.steering.repertoire import Repertoire
 from vvvaltr.transfer.steering.tube import Tube
 
 Array = NDArray[np.float64]
 
-_FIRST_LOOK_S = 1.8  # into a primitive, before which its own velocity is not known
+_FIRST_LOOK_S = DURATIONS_S[0]  # into a primitive, before which its own velocity is not known
 _BETWEEN_S = 0.4
 _DARING = 0.5  # share of what is not known that a plan may hope for
 _NEAR = 0.85  # of the tolerance, within which a primitive ends: the robot rolls on a little
@@ -88,13 +88,14 @@ class Steersman:
         scatter, deviations = belief.scatter[movement], belief.deviations[movement]
         usual = np.hypot(scatter, np.minimum(deviations, scatter))
         width = usual / np.maximum(deviations / np.maximum(scatter, 1e-9), 1.0)
-        return Tube(at, 0.0, self._delay_s, np.append(able.velocities[movement], able.drift_m_s), belief.around(width))
+        mean = np.append(able.velocities[movement], able.drift_m_s[movement])
+        return Tube(at, 0.0, self._delay_s, mean, belief.around(movement, width))
 
     def onward(self, movement: int, poses: Sequence[Pose], goal: Goal) -> Onward:
         """Return the way on from the last of ``poses``."""
         mean, covariance = self._belief.underway(movement, passage(poses))
         at, t_s = where(poses[-1]), poses[-1].t_s
-        way = plan(at, goal, self._able, self._border, mean[:3])
+        way = plan(at, goal, self._able, self._border, mean)
         return Onward(way, t_s, Tube(at, t_s, 0.0, mean, covariance))
 
     def learn(self, trial: Trial) -> None:
@@ -112,7 +113,7 @@ class Steersman:
         drawn, _ = belief.drawn(random)
         known = (belief.scatter / belief.deviations) ** 2
         hope = _DARING * np.sqrt(np.maximum(1.0 - known, 0.0))
-        return belief.movements + hope * (drawn - belief.movements), belief.drift_m_s
+        return belief.movements + hope * (drawn - belief.movements), belief.drive[:, None] * belief.drift_m_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +163,7 @@ class Watch:
     def __post_init__(self, way: Plan, at: Array) -> None:
         self.thinking.forget()
         self.tube = self.steersman.tube(self.movement, at)
-        self.until_s = max(way.steps[0][1], _FIRST_LOOK_S)
+        self.until_s = way.steps[0][1]
 
     def __call__(self, pose: Pose) -> None:
         """Look at one pose. Raises SafetyStop."""

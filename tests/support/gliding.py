@@ -11,6 +11,7 @@ from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 Velocity = tuple[float, float, float]
 
 GAITS = tuple(Gait((float(hz), 0.0, 1.0)) for hz in (5, 6, 7, 8, 9))
+MEAN_DRIVE = sum(gait.frequency_hz[0] ** 2 + 1.0 for gait in GAITS) / len(GAITS)
 TABLE: dict[Gait, Velocity] = {
     GAITS[0]: (0.020, 0.0, 0.02),
     GAITS[1]: (0.002, 0.002, 0.5),
@@ -27,7 +28,7 @@ class GlidingRobot:
 
     Args:
         table: forward, left (m/s) and turn (rad/s) of each gait; a gait that is not in it does nothing.
-        drift_m_s: of the floor, while the motors turn.
+        drift_m_s: of the floor at the mean drive of ``GAITS``; in proportion to the drive.
         watch: called with the robot before every pose; it may change the robot or raise.
     """
 
@@ -73,8 +74,9 @@ class GlidingRobot:
         if self.is_running:
             forward, left, turn = self.table.get(self.gait, (0.0, 0.0, 0.0))
             middle_rad = self.yaw_rad + 0.5 * turn * duration_s
-            self.x_m += duration_s * (forward * math.cos(middle_rad) - left * math.sin(middle_rad) + self.drift_m_s[0])
-            self.y_m += duration_s * (forward * math.sin(middle_rad) + left * math.cos(middle_rad) + self.drift_m_s[1])
+            down_x, down_y = (relative_drive(self.gait) * drift for drift in self.drift_m_s)
+            self.x_m += duration_s * (forward * math.cos(middle_rad) - left * math.sin(middle_rad) + down_x)
+            self.y_m += duration_s * (forward * math.sin(middle_rad) + left * math.cos(middle_rad) + down_y)
             self.yaw_rad += turn * duration_s
         self.t_s += duration_s
 
@@ -94,6 +96,11 @@ class GlidingRobot:
 
     def close(self) -> None:
         self.stop()
+
+
+def relative_drive(gait: Gait) -> float:
+    """Return the sum of the squared frequencies over its mean."""
+    return sum(hz**2 for hz in gait.frequency_hz) / MEAN_DRIVE
 
 
 def tried(robot: GlidingRobot, repeats: int = 1, arena: Arena | None = None) -> list[Trial]:

@@ -3,11 +3,12 @@
 A movement is a velocity in the robot's own frame: forward, left (m/s) and turn (rad/s). While a gait is driven the
 centre of the robot moves by
 
-    dp/dt = R(yaw) (v_i + e) + s,    d yaw/dt = w_i + e_w
+    dp/dt = R(yaw) (v_i + e) + q_i s,    d yaw/dt = w_i + e_w
 
 with v_i, w_i of the gait, s the floor's drift, the same for all gaits, and e what differs from trial to trial but stays
-within one. All of it is linear in (v, w, s): the posterior is a Gaussian, and its update that of a Kalman filter [1].
-The turning within a trial tells v from s.
+within one. The more the motors shake the robot, the more the floor carries it off: q_i is the drive, the sum of the
+gait's squared frequencies, over the usual one. All of it is linear in (v, w, s): the posterior is a Gaussian, and its
+update that of a Kalman filter [1]. The turning within a trial tells v from s.
 
 [1] S. Thrun, W. Burgard, D. Fox, Probabilistic Robotics, MIT Press 2005, section 3.2.
 """
@@ -15,16 +16,18 @@ The turning within a trial tells v from s.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.values import Gait
 from vvvaltr.transfer.steering.passage import Passage
 
 WANDER_M = 0.0015  # of the path about an even walk, after a second
 WANDER_RAD = 0.03
-_DRIFT_SHARE = 0.35  # by which the drift of one gait differs from the floor's
+_DRIFT_SHARE = 0.35  # by which the drift of one gait differs from what its drive lets expect
 _TAIL = 4.0  # degrees of freedom of Student's t
 _BAD = 0.06  # share of bad trials
 
@@ -37,11 +40,13 @@ class Belief:
         mean: (3 n + 2,) forward, left, turn of each movement in turn, then the drift's x and y.
         covariance: (3 n + 2, 3 n + 2).
         scatter: (n, 3) standard deviation from trial to trial of forward, left and turn.
+        drive: (n,) of each movement over the usual one, by which the floor's drift carries it.
     """
 
     mean: Array
     covariance: Array
     scatter: Array
+    drive: Array
 
     @property
     def movements(self) -> Array:
@@ -80,7 +85,7 @@ class Belief:
                 did not turn or somebody touched the robot: it may do anything of this size, and teaches nothing.
         """
         index = self._index(movement)
-        h, y, noise = _linear(seen)
+        h, y, noise = _linear(seen, float(self.drive[movement]))
         within = h[:, :3] * self.scatter[movement]
         drift = h[:, 3:] * _DRIFT_SHARE * float(np.hypot(*self.drift_m_s))
         noise = noise + drift @ drift.T
@@ -106,21 +111,23 @@ class Belief:
         """Return what is known of the trial that is being driven, with what has been seen of it.
 
         Returns:
-            mean: (5,) its velocity and the floor's drift.
+            mean: (5,) its velocity and the floor's drift, as it acts on this movement.
             covariance: (5, 5).
         """
         index = self._index(movement)
         mean = self.mean[index]
         covariance = self.covariance[np.ix_(index, index)] + np.diag([*self.scatter[movement] ** 2, 0.0, 0.0])
+        acting = np.array([1.0, 1.0, 1.0, self.drive[movement], self.drive[movement]])
+        mean, covariance = acting * mean, acting[:, None] * covariance * acting
         if seen is not None:
-            h, y, noise = _linear(seen)
+            h, y, noise = _linear(seen, 1.0)
             gain = np.linalg.solve(h @ covariance @ h.T + noise, h @ covariance).T
             mean, covariance = mean + gain @ (y - h @ mean), covariance - gain @ h @ covariance
         return mean, covariance
 
-    def around(self, width: Array) -> Array:
+    def around(self, movement: int, width: Array) -> Array:
         """Return the covariance (5, 5) of a velocity of some width (3,) and of the drift that is put on it."""
-        drift = _DRIFT_SHARE * float(np.hypot(*self.drift_m_s))
+        drift = _DRIFT_SHARE * float(self.drive[movement] * np.hypot(*self.drift_m_s))
         return np.diag(np.append(width, [drift, drift]) ** 2)
 
     def drawn(self, random: np.random.Generator) -> tuple[Array, Array]:
@@ -133,13 +140,19 @@ class Belief:
         return np.array([3 * movement, 3 * movement + 1, 3 * movement + 2, n - 2, n - 1])
 
 
-def _linear(seen: Passage) -> tuple[Array, Array, Array]:
+def drives(gaits: Sequence[Gait]) -> Array:
+    """Return the sum of each gait's squared frequencies over their mean, shape (n,)."""
+    squares = np.array([sum(hz**2 for hz in gait.frequency_hz) for gait in gaits])
+    return squares / squares.mean() if squares.any() else np.ones(len(squares))
+
+
+def _linear(seen: Passage, drive: float) -> tuple[Array, Array, Array]:
     """Return h, y and the noise's covariance of y = h (forward, left, turn, drift x, drift y) + noise."""
     pieces = len(seen.duration_s)
     h = np.zeros((2 * pieces + 1, 5))
     h[:-1, :2] = (seen.duration_s[:, None, None] * seen.rotation).reshape(-1, 2)
-    h[:-1, 3] = np.repeat(seen.duration_s, 2) * np.tile([1.0, 0.0], pieces)
-    h[:-1, 4] = np.repeat(seen.duration_s, 2) * np.tile([0.0, 1.0], pieces)
+    h[:-1, 3] = drive * np.repeat(seen.duration_s, 2) * np.tile([1.0, 0.0], pieces)
+    h[:-1, 4] = drive * np.repeat(seen.duration_s, 2) * np.tile([0.0, 1.0], pieces)
     h[-1, 2] = seen.total_s
     y = np.append(seen.moved_m.ravel(), seen.turned_rad)
     variances = np.append(WANDER_M**2 * np.repeat(seen.duration_s, 2), WANDER_RAD**2 * seen.total_s)

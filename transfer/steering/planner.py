@@ -18,9 +18,12 @@ from numpy.typing import NDArray
 
 from vvvaltr.controller.core.arrays import Array
 
-DURATIONS_S = (1.0, 1.5, 2.2, 3.2, 4.5, 6.5, 9.0)
+DURATIONS_S = (1.8, 2.4, 3.2, 4.2, 5.5, 7.3, 10.0)
+"""How long a movement may be planned for. None is cut before the shortest, at which its own velocity begins to show."""
+
 _FIRST_WIDTH, _WIDTH = 320, 96  # sequences that are kept: all of one movement, for repertoires of the usual size
 _DEPTH = 4
+_ANOTHER_S = 1.5  # that one more movement takes before it gets anywhere
 _SIDEWAYS = 0.6  # of a movement's deviation that stopping at the best point cannot make good
 
 
@@ -82,7 +85,7 @@ class Abilities:
     Args:
         velocities: (n, 3) forward, left, turn per second.
         deviations: (n, 3) by how much a single drive may differ from them.
-        drift_m_s: (2,) the floor's.
+        drift_m_s: (n, 2) the floor's, as it acts while each is driven.
         delay_s: time at the start of a movement in which nothing moves.
         pause_s: time between two movements.
     """
@@ -149,14 +152,14 @@ def plan(
         goal: where to go.
         able: what can be done.
         border: not crossed by any expected path; None for none.
-        underway: (3,) velocity of the movement that is being driven, which may go on without delay or pause.
+        underway: (5,) velocity and drift of the movement that is being driven, which may go on without delay or pause.
     """
-    menu = _actions(able, able.velocities, able.deviations, able.delay_s, able.pause_s, np.arange(len(able.velocities)))
+    menu = _actions(able, np.arange(len(able.velocities)))
     first = menu
     if underway is not None:
-        on = _actions(able, underway[None], 0.3 * able.deviations.min(axis=0)[None], 0.0, 0.0, np.array([-1]))
-        first = menu.joined(on)
-    search = _Search(goal, start, able.drift_m_s, border, *_speeds(able))
+        seen = 0.3 * able.deviations.min(axis=0)[None]
+        first = menu.joined(_actions(Abilities(underway[None, :3], seen, underway[None, 3:], 0.0, 0.0), np.array([-1])))
+    search = _Search(goal, start, able.drift_m_s.mean(axis=0), border, *_speeds(able))
     nodes = _Nodes.at(start, search)
     layers: list[_Nodes] = [nodes]
     for depth in range(_DEPTH):
@@ -168,22 +171,20 @@ def plan(
     return _best(layers, first, menu)
 
 
-def _actions(
-    able: Abilities, velocities: Array, deviations: Array, delay_s: float, pause_s: float, names: NDArray[np.int64]
-) -> _Actions:
+def _actions(able: Abilities, names: NDArray[np.int64]) -> _Actions:
     durations = np.array(DURATIONS_S)
-    if delay_s == 0.0:
+    if able.delay_s == 0.0:
         durations = np.concatenate([[0.5], durations])
     count = len(durations)
-    v, sd = np.repeat(velocities, count, axis=0), np.repeat(deviations, count, axis=0)
-    t = np.tile(durations, len(velocities))
-    moving_s = np.maximum(t - delay_s, 0.0)
+    v, sd = np.repeat(able.velocities, count, axis=0), np.repeat(able.deviations, count, axis=0)
+    t = np.tile(durations, len(names))
+    moving_s = np.maximum(t - able.delay_s, 0.0)
     own_m, turn = travel(v, moving_s)
     halfway_m, _ = travel(v, 0.5 * moving_s)
-    drift_m = moving_s[:, None] * able.drift_m_s
+    drift_m = moving_s[:, None] * np.repeat(able.drift_m_s, count, axis=0)
     length_m = np.hypot(v[:, 0], v[:, 1]) * moving_s
     spread_m = np.hypot(np.hypot(sd[:, 0], sd[:, 1]) * moving_s, 0.5 * length_m * np.minimum(sd[:, 2] * moving_s, 2.0))
-    return _Actions(np.repeat(names, count), t, t + pause_s, own_m, halfway_m, drift_m, turn, spread_m)
+    return _Actions(np.repeat(names, count), t, t + able.pause_s, own_m, halfway_m, drift_m, turn, spread_m)
 
 
 def _speeds(able: Abilities) -> tuple[float, float]:
@@ -230,9 +231,12 @@ class _Search:
         speed = np.maximum(self.speed_m_s + helped, 0.3 * self.speed_m_s)
         off_m = np.sqrt(away_m**2 + (_SIDEWAYS * spread_m) ** 2)
         rest: Array = np.maximum(off_m - 0.7 * goal.within_m, 0.0) / speed
-        rest += 1.5 * (off_m > goal.within_m)
+        misses = off_m > goal.within_m
         if goal.yaw_rad is not None:
-            rest += np.maximum(goal.turn_rad(yaw_rad) - 0.7 * goal.within_rad, 0.0) / self.turning_rad_s
+            turn_rad = goal.turn_rad(yaw_rad)
+            rest += np.maximum(turn_rad - 0.7 * goal.within_rad, 0.0) / self.turning_rad_s
+            misses |= turn_rad > goal.within_rad
+        rest += _ANOTHER_S * misses
         return rest
 
     def expanded(self, nodes: _Nodes, actions: _Actions, width: int) -> _Nodes:

@@ -13,7 +13,7 @@ import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Gait, Trial
-from vvvaltr.transfer.steering.belief import Belief
+from vvvaltr.transfer.steering.belief import Belief, drives
 from vvvaltr.transfer.steering.passage import STEADY_S, Passage, passage, start_delay_s
 
 _USUAL_SCATTER = 0.4  # of a movement, from trial to trial, before repeats have said more
@@ -53,7 +53,7 @@ class Repertoire:
 
     Args:
         movements: what each gait does.
-        drift_m_s: the floor's drift where the last of them was tried, shape (2,).
+        drift_m_s: the floor's drift where the last of them was tried, at the usual drive, shape (2,).
         delay_s: by how much a driven gait lags behind one that moves at its steady speed at once.
     """
 
@@ -90,7 +90,7 @@ class Repertoire:
         for index, movement in enumerate(self.movements):
             covariance[3 * index : 3 * index + 3, 3 * index : 3 * index + 3] = movement.covariance
         scatter = np.array([movement.scatter for movement in self.movements]).reshape(-1, 3)
-        return Belief(np.append(self.velocities.ravel(), self.drift_m_s), covariance, scatter)
+        return Belief(np.append(self.velocities.ravel(), self.drift_m_s), covariance, scatter, drives(self.gaits))
 
 
 def learn_repertoire(runs: Iterable[Sequence[Trial]], base: Repertoire = Repertoire()) -> Repertoire:
@@ -152,7 +152,7 @@ def _vague(base: Repertoire, gaits: tuple[Gait, ...], driven: list[list[_Driven]
     mean, covariance = np.zeros(3 * n + 2), np.diag(np.append(np.tile((1.5 * size) ** 2, n), [0.0, 0.0]))
     mean[: 3 * old] = known.mean[:-2]
     covariance[: 3 * old, : 3 * old] = known.covariance[:-2, :-2]
-    return Belief(mean, covariance, _scatter(known, gaits, driven))
+    return Belief(mean, covariance, _scatter(known, gaits, driven), drives(gaits))
 
 
 def _sizes(known: Array, driven: list[list[_Driven]]) -> Array:

@@ -14,7 +14,7 @@ START = np.zeros(3)
 
 
 def able(drift_m_s: tuple[float, float] = (0.0, 0.0), deviations: np.ndarray = SURE) -> Abilities:
-    return Abilities(VELOCITIES, deviations, np.array(drift_m_s), delay_s=0.2, pause_s=0.3)
+    return Abilities(VELOCITIES, deviations, np.tile(drift_m_s, (len(VELOCITIES), 1)), delay_s=0.2, pause_s=0.3)
 
 
 def followed(steps: tuple[tuple[int, float], ...], drift_m_s: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
@@ -62,7 +62,7 @@ def test_of_two_movements_with_the_same_mean_the_surer_one_is_driven() -> None:
     velocities = np.array([[0.02, 0.0, 0.0], [0.02, 0.0, 0.0]])
     deviations = np.array([[0.01, 0.01, 0.1], [0.0005, 0.0005, 0.01]])
 
-    way = plan(START, Goal(0.1, 0.0), Abilities(velocities, deviations, np.zeros(2), 0.2, 0.3))
+    way = plan(START, Goal(0.06, 0.0), Abilities(velocities, deviations, np.zeros_like(velocities[:, :2]), 0.2, 0.3))
 
     assert way.steps[0][0] == 1
 
@@ -87,10 +87,10 @@ def test_where_every_movement_would_cross_the_border_there_is_no_plan() -> None:
 
 
 def test_a_movement_underway_goes_on_where_it_leads_to_the_goal_and_not_where_it_leads_away() -> None:
-    ahead, behind = Goal(0.1, 0.0), Goal(-0.1, 0.0)
+    ahead, behind, on = Goal(0.1, 0.0), Goal(-0.1, 0.0), np.append(VELOCITIES[0], [0.0, 0.0])
 
-    assert plan(START, ahead, able(), underway=VELOCITIES[0]).steps[0][0] == -1
-    assert plan(START, behind, able(), underway=VELOCITIES[0]).steps[0][0] != -1
+    assert plan(START, ahead, able(), underway=on).steps[0][0] == -1
+    assert plan(START, behind, able(), underway=on).steps[0][0] != -1
 
 
 def test_travel_is_the_integral_of_a_velocity_that_turns_with_the_robot() -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from gliding import GAITS, TABLE, GlidingRobot, tried
+from gliding import GAITS, TABLE, GlidingRobot, relative_drive, tried
 
 from vvvaltr.controller.core.values import Outcome, Pose
 from vvvaltr.transfer.steering.belief import Belief
@@ -128,3 +128,11 @@ def test_one_bad_trial_does_no_harm() -> None:
     drive(knowledge, GlidingRobot({GAITS[0]: (0.0005, 0.0, 0.0)}), 1)
 
     assert knowledge.likely.movements[0, 0] > 0.6 * TABLE[GAITS[0]][0]
+
+
+def test_the_floor_carries_a_weakly_driven_movement_less() -> None:
+    belief = learn_repertoire([tried(GlidingRobot(drift_m_s=(-0.01, 0.0)), repeats=4)]).belief()
+
+    drift_m_s = [belief.underway(movement, None)[0][3] for movement in range(len(GAITS))]
+
+    assert drift_m_s == pytest.approx([-0.01 * relative_drive(gait) for gait in GAITS], abs=0.002)
