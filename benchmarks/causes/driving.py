@@ -25,12 +25,12 @@ def drive_level(twin: str, gaits: Sequence[Gait], repeats: int, seed: int) -> li
     """
     preset = TWINS[twin]
     robot = preset.make(seed=seed, scatter=parse_scatter("hurried", preset.frequency_scatter).level())
-    speeds = []
-    for gait in gaits:
+    speeds: dict[Gait, float] = {}
+    for gait in dict.fromkeys(gaits):
         trials = [run_trial(robot, gait, SETTINGS, number) for number in range(1, repeats + 1)]
         valid = [score(trial) for trial in trials if trial.outcome.is_valid]
-        speeds.append(float(np.mean(valid)) if valid else math.nan)
-    return speeds
+        speeds[gait] = float(np.mean(valid)) if valid else math.nan
+    return [speeds[gait] for gait in gaits]
 
 
 @cache

@@ -2,6 +2,7 @@
 
 ``gain``: from the same trials, which the method chose without correcting. ``learning``: each chooses its own trials,
 under each scatter; the best gait known is the best of all that were recommended and of those that no run was told of.
+Both keep the same rows, so one file serves both.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ from vvvaltr.transfer.methods.registry import make_optimizer
 from vvvaltr.twin.presets import TWINS
 
 LOOKS = (20, 40)
-REPEATS = 4
-"""Number of drives of a recommended gait on a level floor, whose mean is its true speed."""
+REPEATS = 2
+"""Number of drives of a recommended gait on a level floor, whose mean is its true speed: runs differ far more."""
 
 
 class AsTold:
@@ -71,51 +72,47 @@ def rank(optimizer: Optimizer, twin: str) -> float:
     return float(spearmanr(expected, true_m_s, nan_policy="omit").statistic)
 
 
-def compare(twin: str, scatter: str, method: str, seed: int) -> Row:
-    """Return what a method makes of the same trials, not corrected and corrected: true speeds in m/s, and ranks."""
-    gaits: dict[str, list[Gait]] = {"plain": [], "corrected": []}
-    ranks: dict[str, list[float]] = {"plain": [], "corrected": []}
-    for optimizer, trials in search(twin, scatter, method, seed, corrects=False):
-        corrected = make(find_space(twin), method, seed, corrects=True)
-        tell_history(corrected, trials)
-        for name, each in (("plain", optimizer), ("corrected", corrected)):
-            gaits[name].append(each.recommend().gait)
-            ranks[name].append(rank(each, twin))
-    true_m_s = {name: drive_level(twin, each, REPEATS, seed + 10_000) for name, each in gaits.items()}
-    return {"true_m_s": true_m_s, "rank": ranks}
-
-
 def follow(twin: str, scatter: str, method: str, seed: int, corrects: bool) -> Row:
-    """Return what a method recommends of trials that it chose: true speeds in m/s, ranks, and what was told."""
-    found: Row = {"rank": [], "suspects": [], "loss": []}
-    gaits = list[Gait]()
+    """Return what a method recommends of trials that it chose: true speeds in m/s, ranks, and what was told.
+
+    Where it does not correct, ``corrected_m_s`` and ``corrected_rank`` are what correcting makes of the same trials.
+    """
+    found: Row = {"rank": [], "corrected_rank": [], "suspects": [], "loss": []}
+    own, corrected = list[Gait](), list[Gait]()
     for optimizer, trials in search(twin, scatter, method, seed, corrects):
-        gaits.append(optimizer.recommend().gait)
+        own.append(optimizer.recommend().gait)
         found["rank"].append(rank(optimizer, twin))
         found["suspects"].append(sum(logged.review.is_suspect for logged in trials))
         found["loss"].append(find_loss_in(trials) is not None)
-    return {"true_m_s": drive_level(twin, gaits, REPEATS, seed + 10_000), **found}
+        if not corrects:
+            other = make(find_space(twin), method, seed, corrects=True)
+            tell_history(other, trials)
+            corrected.append(other.recommend().gait)
+            found["corrected_rank"].append(rank(other, twin))
+    true_m_s = drive_level(twin, [*own, *corrected], REPEATS, seed + 10_000)
+    return {"true_m_s": true_m_s[: len(own)], "corrected_m_s": true_m_s[len(own) :], **found}
 
 
 def measure_gain(rows: Rows, arguments: Namespace) -> None:
     """Print what correcting gains from the same trials."""
     for scatter in arguments.scatters:
-        names = {"what": "gain", "twin": arguments.twin, "scatter": scatter, "method": arguments.method}
-        task = partial(compare, arguments.twin, scatter, arguments.method)
-        runs = [rows.get({**names, "seed": seed}, partial(task, seed)) for seed in arguments.seeds]
+        runs = [_get(rows, arguments, scatter, False, seed) for seed in arguments.seeds]
+        where = f"{arguments.twin} {scatter} {arguments.method}"
         for look, trials in enumerate(LOOKS):
-            told = [
-                _tell_pair([[run[what][name][look] for run in runs] for name in ("plain", "corrected")], unit)
-                for what, unit in (("true_m_s", 1000.0), ("rank", 1.0))
-            ]
-            where = f"{arguments.twin} {scatter} {arguments.method}, {trials} trials, {len(runs)} runs"
-            print(f"{where}: {told[0]} mm/s; rank correlation {told[1]}", flush=True)
+            of = [{name: run[name][look] for name in run if isinstance(run[name], list)} for run in runs]
+            speeds = _tell_pair([(1000.0 * run["true_m_s"], 1000.0 * run["corrected_m_s"]) for run in of])
+            ranks = _tell_pair([(run["rank"], run["corrected_rank"]) for run in of])
+            print(f"{where}, {trials} trials, {len(runs)} runs: {speeds} mm/s; rank correlation {ranks}", flush=True)
 
 
-def _tell_pair(pair: list[list[float]], unit: float) -> str:
-    plain, corrected = unit * np.array(pair)
-    known = np.isfinite(plain) & np.isfinite(corrected)
-    plain, corrected = plain[known], corrected[known]
+def _get(rows: Rows, arguments: Namespace, scatter: str, corrects: bool, seed: int) -> Row:
+    names = {"what": "learning", "twin": arguments.twin, "method": arguments.method, "scatter": scatter}
+    task = partial(follow, arguments.twin, scatter, arguments.method, seed, corrects)
+    return rows.get({**names, "corrects": corrects, "seed": seed}, task)
+
+
+def _tell_pair(pairs: list[tuple[float, float]]) -> str:
+    plain, corrected = np.array([pair for pair in pairs if np.isfinite(pair).all()]).T
     gained = corrected - plain
     error = gained.std() / math.sqrt(max(1, len(gained) - 1))
     return f"{plain.mean():.2f} as told, {corrected.mean():.2f} corrected ({gained.mean():+.2f} +- {error:.2f})"
@@ -123,13 +120,11 @@ def _tell_pair(pair: list[list[float]], unit: float) -> str:
 
 def measure_learning(rows: Rows, arguments: Namespace) -> None:
     """Print true speeds under each scatter, corrected and not, in mm/s, and in % of the best gait known."""
-    names = {"what": "learning", "twin": arguments.twin, "method": arguments.method}
     found: dict[tuple[str, bool], list[Row]] = {}
     for seed in arguments.seeds:
         for scatter in arguments.scatters:
             for corrects in (True, False):
-                task = partial(follow, arguments.twin, scatter, arguments.method, seed, corrects)
-                row = rows.get({**names, "scatter": scatter, "corrects": corrects, "seed": seed}, task)
+                row = _get(rows, arguments, scatter, corrects, seed)
                 found.setdefault((scatter, corrects), []).append(row)
     speeds = {key: 1000.0 * np.array([run["true_m_s"] for run in runs]) for key, runs in found.items()}
     known = [1000.0 * np.nanmax(known_gaits(arguments.twin)[1]), *(float(np.nanmax(of)) for of in speeds.values())]
