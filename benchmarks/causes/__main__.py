@@ -33,6 +33,9 @@ def main() -> None:
     parser.add_argument("--twin", default="spatial", help="of gain and learning")
     parser.add_argument("--method", default="drive", help="of gain and learning")
     parser.add_argument("--scatters", nargs="+", default=["careful", "hurried"], help="of gain and learning")
+    parser.add_argument(
+        "--looks", nargs="+", type=int, default=[20, 40], help="of gain and learning: after what trials"
+    )
     parser.add_argument("--bodies", nargs="+", default=["prism3", "icosahedron6"], help="of floor")
     parser.add_argument("--inclines", nargs="+", type=float, default=[0.0, 0.02, 0.05], help="of floor")
     parser.add_argument("--csv", type=Path, help="of laboratory: a table with the columns series and displacement_mm")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -28,7 +28,6 @@ from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.transfer.methods.registry import make_optimizer
 from vvvaltr.twin.presets import TWINS
 
-LOOKS = (20, 40)
 REPEATS = 2
 """Number of drives of a recommended gait on a level floor, whose mean is its true speed: runs differ far more."""
 
@@ -48,14 +47,14 @@ def make(space: GaitSpace, method: str, seed: int, corrects: bool) -> Optimizer:
 
 
 def search(
-    twin: str, scatter: str, method: str, seed: int, corrects: bool
+    twin: str, scatter: str, method: str, seed: int, corrects: bool, looks: Sequence[int]
 ) -> Iterator[tuple[Optimizer, list[LoggedTrial]]]:
-    """Yield the optimiser and the trials so far of one run, at each of ``LOOKS``."""
+    """Yield the optimiser and the trials so far of one run, after each number of trials of ``looks``."""
     robot = TWINS[twin].make(seed=seed, scatter=scatter)
     optimizer, trials = make(find_space(twin), method, seed, corrects), list[LoggedTrial]()
     guarded = GuardedRobot(robot, Limits(robot.max_hz))
-    for logged in learn(guarded, optimizer, SETTINGS, Budget(max(LOOKS)), trials.append):
-        if logged.score is not None and sum(it.score is not None for it in trials) in LOOKS:
+    for logged in learn(guarded, optimizer, SETTINGS, Budget(max(looks)), trials.append):
+        if logged.score is not None and sum(it.score is not None for it in trials) in looks:
             yield optimizer, trials
 
 
@@ -72,14 +71,14 @@ def rank(optimizer: Optimizer, twin: str) -> float:
     return float(spearmanr(expected, true_m_s, nan_policy="omit").statistic)
 
 
-def follow(twin: str, scatter: str, method: str, seed: int, corrects: bool) -> Row:
+def follow(twin: str, scatter: str, method: str, seed: int, corrects: bool, looks: Sequence[int]) -> Row:
     """Return what a method recommends of trials that it chose: true speeds in m/s, ranks, and what was told.
 
     Where it does not correct, ``corrected_m_s`` and ``corrected_rank`` are what correcting makes of the same trials.
     """
     found: Row = {"rank": [], "corrected_rank": [], "suspects": [], "loss": []}
     own, corrected = list[Gait](), list[Gait]()
-    for optimizer, trials in search(twin, scatter, method, seed, corrects):
+    for optimizer, trials in search(twin, scatter, method, seed, corrects, looks):
         own.append(optimizer.recommend().gait)
         found["rank"].append(rank(optimizer, twin))
         found["suspects"].append(sum(logged.review.is_suspect for logged in trials))
@@ -98,7 +97,7 @@ def measure_gain(rows: Rows, arguments: Namespace) -> None:
     for scatter in arguments.scatters:
         runs = [_get(rows, arguments, scatter, False, seed) for seed in arguments.seeds]
         where = f"{arguments.twin} {scatter} {arguments.method}"
-        for look, trials in enumerate(LOOKS):
+        for look, trials in enumerate(arguments.looks):
             of = [{name: run[name][look] for name in run if isinstance(run[name], list)} for run in runs]
             speeds = _tell_pair([(1000.0 * run["true_m_s"], 1000.0 * run["corrected_m_s"]) for run in of])
             ranks = _tell_pair([(run["rank"], run["corrected_rank"]) for run in of])
@@ -106,9 +105,9 @@ def measure_gain(rows: Rows, arguments: Namespace) -> None:
 
 
 def _get(rows: Rows, arguments: Namespace, scatter: str, corrects: bool, seed: int) -> Row:
-    names = {"what": "learning", "twin": arguments.twin, "method": arguments.method, "scatter": scatter}
-    task = partial(follow, arguments.twin, scatter, arguments.method, seed, corrects)
-    return rows.get({**names, "corrects": corrects, "seed": seed}, task)
+    names = {"twin": arguments.twin, "scatter": scatter, "method": arguments.method, "seed": seed}
+    names |= {"corrects": corrects, "looks": arguments.looks}
+    return rows.get({"what": "learning", **names}, partial(follow, **names))
 
 
 def _tell_pair(pairs: list[tuple[float, float]]) -> str:
