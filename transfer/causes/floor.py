@@ -8,8 +8,9 @@ cut into pieces; piece k of trial i moved the robot by
 with the duration T, the mean rotation R_k of the piece, the velocity g that all trials of the gait share in the robot's
 frame, its deviation u_i in this trial, the drift s, its deviation e_i (gaits feel a floor differently), and the trial's
 weight w_i, the sum of its squared frequencies over the usual one. All of it is Gaussian, so g, u and e are integrated
-out exactly. The sizes of drift, deviations and noise are averaged over a grid by their evidence. For each of them a
-level floor competes, with s = 0 but the same deviations: what only scatters is no drift.
+out exactly. How noisy a trial is, over the others, is taken from what its own fit leaves. The sizes of drift,
+deviations and noise are averaged over a grid by their evidence. For each of them a level floor competes, with s = 0 but
+the same deviations: what only scatters is no drift.
 
 What a trial adds to a hypothesis depends on that trial and on the usual speed and weight alone, which are powers of 2.
 So it is computed once, and a new trial costs little.
@@ -26,16 +27,19 @@ import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import Piece
+from vvvaltr.transfer.causes.pieces import find_speed_m_s, turns
 
 _SIZES = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)  # of the drift, over the usual speed of a trial
 _LEVEL = 0.25  # prior probability of a level floor
-_NOISES = (0.2, 0.45, 1.0)  # of a piece, over the trial's own speed
+_USUAL_NOISE = 0.45  # of a piece, over the trial's own speed
+_COUNTS = 3.0  # number of coordinates as which the usual noise counts beside what a trial's own fit leaves
+_USUAL_DRIFT = 0.5  # over the usual speed, in that fit
+_NOISES = (0.45, 1.0, 2.2)  # of the pieces, over what is found of each trial by itself
 _CHANGES = (0.1, 0.3)  # of a gait from trial to trial, over the trial's own speed
 _DIFFERS = 0.35  # standard deviation of e over the size of the drift
 _LEAST_M = 0.0005  # noise of a piece that hardly moves
 _SURE = 0.95  # probability of a drift at which it is told
 _LEAST_SHARE = 1e-3  # probability below which a hypothesis says nothing of single trials
-_LEAST_TURN_RAD = 0.1  # of the headings, else nothing tells the floor
 _WIDE = 3.0  # standard deviation of g, over the usual speed
 
 _GRID = np.array(list(product(_SIZES, _NOISES, _CHANGES)))  # (hypotheses, 3)
@@ -156,7 +160,7 @@ class DriftLearner:
         for pieces in trials:
             key = id(pieces), first
             if key not in self._turned:
-                self._turned[key] = pieces, _turns(pieces, first)
+                self._turned[key] = pieces, turns(pieces, first)
             if self._turned[key][1]:
                 return True
         return False
@@ -164,7 +168,7 @@ class DriftLearner:
     def _measure(self, pieces: tuple[Piece, ...]) -> float:
         """Return the speed of a trial in m/s."""
         if id(pieces) not in self._speeds:
-            self._speeds[id(pieces)] = pieces, _speed_m_s(pieces)  # the pieces are kept, so that their identity is
+            self._speeds[id(pieces)] = pieces, find_speed_m_s(pieces)  # the pieces are kept, so that their identity is
         return self._speeds[id(pieces)][1]
 
     def _add(self, pieces: tuple[Piece, ...], share: float, usual_m_s: float) -> tuple[int, float, float]:
@@ -199,20 +203,6 @@ def _power_of_2(number: float) -> float:
     return 2.0 ** round(math.log2(number)) if number > 0.0 else 0.0
 
 
-def _turns(pieces: Sequence[Piece], first: tuple[float, float]) -> bool:
-    """Return whether a trial had another heading than ``first``."""
-    away = (
-        math.atan2(s * first[0] - c * first[1], c * first[0] + s * first[1]) for c, s in (it.heading for it in pieces)
-    )
-    return any(abs(angle_rad) > _LEAST_TURN_RAD for angle_rad in away)
-
-
-def _speed_m_s(pieces: Sequence[Piece]) -> float:
-    """Return the speed of a trial: the root of the pieces' mean square."""
-    moved = math.fsum(x * x + y * y for x, y in (piece.moved_m for piece in pieces))
-    return math.sqrt(moved / max(math.fsum(piece.duration_s**2 for piece in pieces), 1e-12))
-
-
 def _add(pieces: tuple[Piece, ...], share: float, usual_m_s: float) -> _Added:
     """Return what a trial adds to each hypothesis, its own deviations u and e integrated out."""
     duration_s = np.array([piece.duration_s for piece in pieces])
@@ -222,17 +212,32 @@ def _add(pieces: tuple[Piece, ...], share: float, usual_m_s: float) -> _Added:
     design[:, :, 2:] = share * np.eye(2)
     x = (duration_s[:, None, None] * design).reshape(-1, 4)
     y = np.array([piece.moved_m for piece in pieces]).ravel()
-    speed_m_s, (sizes, noises, changes) = _speed_m_s(pieces), _GRID.T
+    speed_m_s, (sizes, factors, changes) = find_speed_m_s(pieces), _GRID.T
     own, floor = (changes * speed_m_s) ** 2, (_DIFFERS * sizes * usual_m_s) ** 2
     spread = np.stack([own, own, floor, floor], axis=1)
     covariance = (x * spread[:, None, :]) @ x.T
     index = np.arange(len(y))
-    covariance[:, index, index] += (_LEAST_M + noises[:, None] * speed_m_s * np.repeat(duration_s, 2)) ** 2
+    usual_m = _LEAST_M + _USUAL_NOISE * speed_m_s * np.repeat(duration_s, 2)
+    noise_m = usual_m * _compare_noise(x / usual_m[:, None], y / usual_m, speed_m_s, usual_m_s)
+    covariance[:, index, index] += (factors[:, None] * noise_m) ** 2
     right = np.broadcast_to(np.column_stack([x, y]), (len(covariance), len(y), 5))
     solved = np.linalg.solve(covariance, right)
     projected = x.T @ solved
     value = np.linalg.slogdet(covariance)[1] + solved[:, :, 4] @ y
     return _Added(projected[:, :, :4], projected[:, :, 4], value)
+
+
+def _compare_noise(x: Array, y: Array, speed_m_s: float, usual_m_s: float) -> float:
+    """Return the noise of a trial's pieces over the usual one, by which design and values have been divided.
+
+    It is what a fit of the trial's own velocity and drift leaves, with the usual noise as a prior: some drives are far
+    more even than others.
+    """
+    known = np.diag(np.repeat([max(speed_m_s, 1e-6), _USUAL_DRIFT * usual_m_s], 2) ** -2.0)
+    squares = x.T @ x
+    fitted = np.linalg.solve(squares + known, x.T @ y)
+    freedom = len(y) - float(np.trace(np.linalg.solve(squares + known, squares)))
+    return math.sqrt((_COUNTS + float(((y - x @ fitted) ** 2).sum())) / (_COUNTS + max(freedom, 1.0)))
 
 
 def _combine(added: Sequence[_Added], usual_m_s: float) -> _OfGait:

@@ -14,14 +14,16 @@ from vvvaltr.controller.core.values import Pose
 PIECE_S = 1.0
 """Usual duration of a piece."""
 
-SKIPPED_S = 0.5
-"""Time at the start of a drive that is left out: motors are still speeding up."""
+SKIPPED_S = 1.25
+"""Time at the start of a drive that is left out, up to a quarter of the drive: motors are still speeding up."""
+
+_LEAST_TURN_RAD = 0.1  # of the headings, else nothing tells the floor
 
 
 def cut(poses: Sequence[Pose], piece_s: float = PIECE_S) -> tuple[Piece, ...]:
     """Cut a drive into pieces of about ``piece_s``; none where the poses do not make two."""
     times_s = np.array([pose.t_s for pose in poses])
-    first = int(np.searchsorted(times_s, SKIPPED_S - 1e-6))
+    first = int(np.searchsorted(times_s, min(SKIPPED_S, 0.25 * times_s[-1]) - 1e-6)) if len(times_s) else 0
     if len(times_s) - first < 3 or not all(pose.is_finite for pose in poses):
         return ()
     count = int((times_s[-1] - times_s[first]) / piece_s + 0.5)
@@ -43,3 +45,17 @@ def cut(poses: Sequence[Pose], piece_s: float = PIECE_S) -> tuple[Piece, ...]:
 def weigh(frequency_hz: Sequence[float]) -> float:
     """Return the sum of the squared frequencies, in Hz^2: the drift of a gait grows with it."""
     return math.fsum(hz * hz for hz in frequency_hz)
+
+
+def turns(pieces: Sequence[Piece], first: tuple[float, float]) -> bool:
+    """Return whether a trial had another heading than ``first``."""
+    away = (
+        math.atan2(s * first[0] - c * first[1], c * first[0] + s * first[1]) for c, s in (it.heading for it in pieces)
+    )
+    return any(abs(angle_rad) > _LEAST_TURN_RAD for angle_rad in away)
+
+
+def find_speed_m_s(pieces: Sequence[Piece]) -> float:
+    """Return the speed of a trial: the root of the pieces' mean square."""
+    moved = math.fsum(x * x + y * y for x, y in (piece.moved_m for piece in pieces))
+    return math.sqrt(moved / max(math.fsum(piece.duration_s**2 for piece in pieces), 1e-12))

@@ -96,3 +96,29 @@ def test_a_learner_that_has_learned_before_finds_the_same_bits():
 
     assert last is not None and anew is not None
     assert last.of_trials_m_s.tolist() == anew.of_trials_m_s.tolist()
+
+
+def test_the_time_in_which_motors_speed_up_is_left_out():
+    random = np.random.default_rng(5)
+
+    long, short = (cut(drive((0.01, 0.0), (0.0, 0.0), 0.0, 0.1, random, duration_s=s)) for s in (5.0, 2.0))
+
+    assert math.fsum(piece.duration_s for piece in long) == pytest.approx(3.75)
+    assert math.fsum(piece.duration_s for piece in short) == pytest.approx(1.5)
+
+
+def test_drives_that_were_far_more_uneven_than_others_count_less():
+    off_deg = []
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        own = random.normal(0.0, 0.01, (9, 2))
+        noises_m = [0.0005] * 5 + [0.03] * 4
+        trials = [
+            cut(drive(v, (0.004, -0.003), random.uniform(-3, 3), 0.4, random, noise_m=noise_m))
+            for v, noise_m in zip(own, noises_m, strict=True)
+        ]
+        drift = learn_drift(range(9), trials, [weigh(GAIT_HZ)] * 9)
+        assert drift is not None
+        off_deg.append(math.degrees(abs(math.remainder(drift.azimuth_rad - math.atan2(-3, 4), math.tau))))
+
+    assert np.quantile(off_deg, 0.8) < 9.0  # 15 where all count alike
