@@ -178,8 +178,9 @@ def test_at_rest_the_reason_names_the_unit_that_it_looks_like(pose: Pose, cure: 
         PoseFilter(Plausibility()).rest([pose] * 5)
 
 
-def test_a_yaw_at_rest_that_scatters_by_degrees_is_lost_with_the_cure() -> None:
-    poses = [walk(0, yaw_rad=0.13 * math.sin(17.0 * n)) for n in range(9)]
+@pytest.mark.parametrize("size", [0.07, 0.13])
+def test_a_yaw_at_rest_that_scatters_by_degrees_is_lost_with_the_cure(size: float) -> None:
+    poses = [walk(0, yaw_rad=size * math.sin(17.0 * n)) for n in range(9)]
     with pytest.raises(TrackingLost, match='yaw_unit = "deg"'):
         PoseFilter(Plausibility()).rest(poses)
 
