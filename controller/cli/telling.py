@@ -68,9 +68,17 @@ def logs_on_standard_error(arguments: Namespace) -> Iterator[None]:
 
 
 class _AboveTheBar(logging.Handler):
-    """Writes to standard error, above a progress bar if there is one."""
+    """Writes to standard error, above a progress bar if there is one. A record marked ``once`` is told only once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._told: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
+        if getattr(record, "once", False):
+            if record.getMessage() in self._told:
+                return
+            self._told.add(record.getMessage())
         if tqdm := sys.modules.get("tqdm"):
             tqdm.tqdm.write(printable(self.format(record)), file=sys.stderr)
         else:

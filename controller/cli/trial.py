@@ -62,7 +62,7 @@ def _execute(arguments: Namespace) -> Answer:
             rig.robot.limits.check(gait)
             _check_quantities(gait, rig.robot.motors.quantities, choice.name)
         trials = _trials(rig, gait, arguments)
-    result = _result(trials, gait, arguments.out)
+    result = _result(trials, gait, arguments.score or "net", arguments.out)
     if arguments.out is not None:
         from vvvaltr.controller.loop.summary import summarise
         from vvvaltr.controller.runs.measured import write_summary
@@ -111,8 +111,9 @@ def _check_quantities(gait: Gait, able: Set[Quantity], name: str) -> None:
             raise ValueError(f"--{quantity}: the motors of {name} cannot set it; leave it out")
 
 
-def _result(trials: Sequence[LoggedTrial], gait: Gait, out: Path | None) -> dict[str, Any]:
+def _result(trials: Sequence[LoggedTrial], gait: Gait, score_name: str, out: Path | None) -> dict[str, Any]:
     """Return what was measured, as plain data; outcome and reason are those of the first trial that failed."""
+    from vvvaltr.controller.loop.scoring import as_speed
     from vvvaltr.controller.studies.repeats import mean_with_interval
 
     telling = next((it.trial for it in trials if it.score is None), trials[-1].trial)
@@ -126,7 +127,7 @@ def _result(trials: Sequence[LoggedTrial], gait: Gait, out: Path | None) -> dict
         "is_within_error": all(_is_within_error(it) for it in trials),
     }
     if len(trials) > 1:
-        mean = mean_with_interval(scores)
+        mean = as_speed(found, score_name) if (found := mean_with_interval(scores)) else None
         result["repeats"] = [
             {
                 "outcome": it.trial.outcome.value,

@@ -9,9 +9,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from vvvaltr.controller.core.conditions import check_finite, check_speed
+from vvvaltr.controller.core.conditions import Conditions, check_finite, check_speed
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.table import make_table
 from vvvaltr.controller.core.values import Gait, Recommendation, Source, Structure, Suggestion, Trial
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _SURE = 2.0  # standard errors
+_NO_NUMBERS: Mapping[str, float] = MappingProxyType({})  # shared by all that have none, as is the next
+_UNKNOWN = Conditions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,6 +258,14 @@ class LoggedTrial:
     def without_recordings(self) -> LoggedTrial:
         """Return the trial without what was recorded during the drive, which is all but a few hundred bytes of it."""
         return replace(self, trial=replace(self.trial, poses=(), commands=(), states=(), photos=()))
+
+    def in_brief(self) -> LoggedTrial:
+        """Return gait, outcome, score and review alone: what later trials of a run need to know of an earlier one."""
+        asked, made = self.suggestion, self.trial
+        suggestion = Suggestion(asked.gait, asked.origin, None, _NO_NUMBERS, asked.phase)
+        ended = (made.number, made.gait, made.outcome, made.reason, made.started_unix_s, made.duration_s)
+        trial = Trial(*ended, conditions=_UNKNOWN)
+        return LoggedTrial(suggestion, trial, self.score, None, review=self.review)
 
 
 class EventKind(StrEnum):

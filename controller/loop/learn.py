@@ -18,6 +18,7 @@ from vvvaltr.controller.loop.causes import (
     StrengthWatch,
     fault_standing_motor,
 )
+from vvvaltr.controller.loop.memory import Memory
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.observing import Followers, describe_end
 from vvvaltr.controller.loop.plan import Budget, Plan
@@ -49,7 +50,7 @@ def learn(
         settings: settings of every trial.
         budget: limits of the run.
         record: writes a trial to the log before the next trial begins. Its failure ends the run.
-        history: earlier trials of the run.
+        history: earlier trials of the run. The new ones are added to a ``Memory`` that is given here.
         observers: told of each trial once it is recorded, and of events; their failure does not end the run.
         attendance: sees to it that each trial can begin, and asks the operator; None where nobody is there.
 
@@ -59,16 +60,22 @@ def learn(
             short of its set-points, or the robot has to be put back.
         TrialCrashed: the program failed during a trial; it has been recorded.
     """
-    plan = Plan(complete(optimizer), budget)
+    memory = history if isinstance(history, Memory) else Memory(history)
+    plan = Plan(complete(optimizer), budget, memory)
+
+    def keep(logged: LoggedTrial) -> None:
+        record(logged)
+        memory.append(logged)
+
     followers = Followers(observers)
     attendance = attendance or Attendance(robot, Placement())
     attendance.announce = partial(followers.announce, EventKind.WAITING)
-    followers.announce(EventKind.BEGIN, f"{len(history)} trials made, {budget.trials} valid ones wanted")
+    followers.announce(EventKind.BEGIN, f"{len(memory)} trials made, {budget.trials} valid ones wanted")
     try:
-        strength = StrengthWatch(history)
-        for logged in _make_trials(attendance, plan, settings, record, history):
+        strength = StrengthWatch(memory)
+        for logged in _make_trials(attendance, plan, settings, keep, len(memory) + 1):
             followers.show(logged)
-            if logged.score is not None and (news := strength.look(plan.trials)):
+            if logged.score is not None and (news := strength.look(memory)):
                 followers.announce(EventKind.WARNING, news)
                 attendance.pause(news)
             yield logged
@@ -82,13 +89,13 @@ def _make_trials(
     attendance: Attendance,
     plan: Plan,
     settings: TrialSettings,
-    record: Callable[[LoggedTrial], None],
-    history: Sequence[LoggedTrial],
+    keep: Callable[[LoggedTrial], None],
+    first: int,
 ) -> Iterator[LoggedTrial]:
     """Ask, run, score, tell; yields each trial once it is recorded."""
-    plan.remember(history)
+    plan.remember()
     troubles = _Troubles(attendance)
-    for number in count(len(history) + 1):
+    for number in count(first):
         if (suggestion := plan.next()) is None:
             return
         match attendance.prepare(number, plan.can_skip):
@@ -97,8 +104,8 @@ def _make_trials(
             case Wish.SKIP:
                 logged = plan.skip(suggestion, number)
             case _:
-                logged = yield from _make_trial(attendance, plan, suggestion, settings, record, number)
-        record(logged)
+                logged = yield from _make_trial(attendance, plan, suggestion, settings, keep, number)
+        keep(logged)
         yield logged
         troubles.look(logged)
 
@@ -108,7 +115,7 @@ def _make_trial(
     plan: Plan,
     suggestion: Suggestion,
     settings: TrialSettings,
-    record: Callable[[LoggedTrial], None],
+    keep: Callable[[LoggedTrial], None],
     number: int,
 ) -> Generator[LoggedTrial, None, LoggedTrial]:
     """Return a trial, judged by the operator and scored; yields one in which the program failed."""
@@ -117,7 +124,7 @@ def _make_trial(
         trial = fault_standing_motor(run_trial(attendance.robot, suggestion.gait, settings, number))
     except TrialCrashed as crash:
         logged = complete_record(suggestion, crash.trial)
-        record(logged)
+        keep(logged)
         yield logged
         raise
     trial, remarks = attendance.review(trial, plan.describe(trial))

@@ -14,7 +14,7 @@ from vvvaltr.controller.core.values import Gait, Outcome, Phase, Recommendation,
 from vvvaltr.controller.loop.attendance import Remarks
 from vvvaltr.controller.loop.causes import asked_again, review_speed, since_reference, to_repeat
 from vvvaltr.controller.loop.movement import complete_record
-from vvvaltr.controller.loop.scoring import score
+from vvvaltr.controller.loop.scoring import as_speed, score
 
 _CONFIDENCE = 0.95  # at which the confirmation ends early
 
@@ -56,10 +56,16 @@ class Budget:
 
 
 class Plan:
-    """Chooses the next gait, in the search and then in the confirmation, and learns from its trial."""
+    """Chooses the next gait, in the search and then in the confirmation, and learns from its trial.
 
-    def __init__(self, optimizer: Optimizer, budget: Budget) -> None:
-        self.trials: list[LoggedTrial] = []
+    Args:
+        optimizer: told nothing so far.
+        budget: limits of the run.
+        trials: of the run, in order; whoever makes the plan adds each new one once it is on record.
+    """
+
+    def __init__(self, optimizer: Optimizer, budget: Budget, trials: Sequence[LoggedTrial]) -> None:
+        self._trials = trials
         self.can_skip = False  # the last suggestion
         self._optimizer = optimizer
         self._budget = budget
@@ -67,8 +73,9 @@ class Plan:
         self._confirmed: list[float] = []
         self._finalists: tuple[Gait, ...] | None = None
 
-    def remember(self, history: Sequence[LoggedTrial]) -> None:
-        """Learn from the earlier trials of the run."""
+    def remember(self) -> None:
+        """Learn from the trials that the run has made before."""
+        history = self._trials
         phases = [logged.suggestion.phase for logged in history]
         searched = phases.index(Phase.CONFIRMATION) if Phase.CONFIRMATION in phases else len(history)
         for logged in history:
@@ -78,7 +85,6 @@ class Plan:
         if searched < len(history):
             self._begin_confirmation(_gaits_of(history[searched:]))
             tell_history(self._optimizer, history, already=searched)
-        self.trials = list(history)
         for logged in history:
             if logged.score is not None:
                 self._count(logged.suggestion, logged.score)
@@ -86,13 +92,13 @@ class Plan:
     def next(self) -> Suggestion | None:
         """Return the next suggestion; None at the end of the run."""
         self.can_skip = False
-        if (gait := asked_again(self.trials)) is not None:
+        if (gait := asked_again(self._trials)) is not None:
             return Suggestion(gait, "repeated for the operator")
         if self._finalists is None and not self._is_search_over():
-            if (gait := to_repeat(self.trials)) is not None:
+            if (gait := to_repeat(self._trials)) is not None:
                 return Suggestion(gait, "repeats a suspect trial")
             reference = self._budget.reference
-            if reference is not None and since_reference(self.trials) >= self._budget.reference_every:
+            if reference is not None and since_reference(self._trials) >= self._budget.reference_every:
                 return Suggestion(reference, "reference", phase=Phase.REFERENCE)
             self.can_skip = isinstance(self._optimizer, Skipping)
             return self._optimizer.ask()
@@ -112,14 +118,14 @@ class Plan:
         """Return the record of a trial; one that is valid, and not discarded, is scored and learned from first."""
         said = Review(remarks.notes, remarks.verdict, remarks.reason)
         if not trial.outcome.is_valid or remarks.verdict is Verdict.DISCARD:
-            return self._keep(replace(complete_record(suggestion, trial), review=said))
+            return replace(complete_record(suggestion, trial), review=said)
         speed_m_s = score(trial, self._budget.score_name)
-        doubt = review_speed(trial.gait, speed_m_s, self.trials)
+        doubt = review_speed(trial.gait, speed_m_s, self._trials)
         review = replace(said, is_suspect=doubt.is_suspect, suspicion=doubt.suspicion)
         logged = replace(complete_record(suggestion, trial, speed_m_s), review=review)
         tell_trial(self._optimizer, logged)
         self._count(suggestion, speed_m_s)
-        return self._keep(replace(logged, recommendation=self._recommend(), fit=last_fit(self._optimizer)))
+        return replace(logged, recommendation=self._recommend(), fit=last_fit(self._optimizer))
 
     def skip(self, suggestion: Suggestion, number: int) -> LoggedTrial:
         """Return the record of a gait that the operator does not want to be driven."""
@@ -127,11 +133,7 @@ class Plan:
         self._optimizer.skip(suggestion.gait)
         reason = "skipped by the operator"
         trial = Trial(number, suggestion.gait, Outcome.INTERRUPTED, reason, time.time(), duration_s=0.0)
-        return self._keep(LoggedTrial(suggestion, trial, None, None, review=Review(verdict=Verdict.SKIP)))
-
-    def _keep(self, logged: LoggedTrial) -> LoggedTrial:
-        self.trials.append(logged.without_recordings())  # which are in the log: a long run must not fill the memory
-        return logged
+        return LoggedTrial(suggestion, trial, None, None, review=Review(verdict=Verdict.SKIP))
 
     def _is_search_over(self) -> bool:
         if self._searched >= self._budget.search_trials:
@@ -169,11 +171,13 @@ class Plan:
     def _recommend(self) -> Recommendation | None:
         if not self._finalists:
             try:
-                return self._optimizer.recommend()
+                best = self._optimizer.recommend()
             except NothingToRecommend:
                 return None
-        candidates = zip(self._finalists, self._optimizer.predict(self._finalists), strict=True)
-        return Recommendation(*max(candidates, key=lambda candidate: candidate[1].mean))
+        else:
+            candidates = zip(self._finalists, self._optimizer.predict(self._finalists), strict=True)
+            best = Recommendation(*max(candidates, key=lambda candidate: candidate[1].mean))
+        return replace(best, estimate=as_speed(best.estimate, self._budget.score_name))
 
 
 def _gaits_of(trials: Sequence[LoggedTrial]) -> tuple[Gait, ...]:

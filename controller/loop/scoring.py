@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from vvvaltr.controller.core.conditions import check_speed
 from vvvaltr.controller.core.resting import RestingPose
-from vvvaltr.controller.core.values import Trial
+from vvvaltr.controller.core.values import Estimate, Trial
 from vvvaltr.controller.loop.movement import resting_ends
 
 _RESOLUTION_M = 0.005  # steps of the path; finer ones would count the tracker's noise as movement
@@ -45,17 +45,18 @@ def forward_speed(trial: Trial) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What counts as speed: one line for the user, and the function from a valid trial to m/s."""
+    """What counts as speed: one line for the user, the function from a valid trial to m/s, and its least value."""
 
     description: str
     measure: Callable[[Trial], float]
+    least_m_s: float = 0.0
 
 
 SCORES: Mapping[str, Score] = MappingProxyType(
     {
         "net": Score("distance from start to end over the time driven, as in the published experiments", net_speed),
         "path": Score("length of the path over the time driven; it also credits circles", path_speed),
-        "forward": Score("speed along the heading at the start; negative is backward", forward_speed),
+        "forward": Score("speed along the heading at the start; negative is backward", forward_speed, -math.inf),
     }
 )
 
@@ -71,6 +72,12 @@ def score(trial: Trial, name: str = "net") -> float:
     speed_m_s = SCORES[name].measure(trial)
     check_speed(speed_m_s, f"trial {trial.number}")
     return speed_m_s
+
+
+def as_speed(estimate: Estimate, name: str) -> Estimate:
+    """Return an estimate of the named score, in m/s, within what the score can be: a net speed is not below 0."""
+    least_m_s = SCORES[name].least_m_s
+    return Estimate(*(max(least_m_s, it) for it in (estimate.mean, estimate.low, estimate.high)))
 
 
 def implausibility(trial: Trial) -> str:

@@ -17,6 +17,7 @@ from vvvaltr.controller.core.protocols import Observer, Optimizer, Robot
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
 from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity, Source
 from vvvaltr.controller.loop.learn import learn, make_source
+from vvvaltr.controller.loop.memory import Memory
 from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.summary import summarise
 from vvvaltr.controller.robot.choice import option
@@ -43,8 +44,7 @@ class RunDirectory:
         self.config = config
         self.optimizer = optimizer
         self.space = make_search_space(config, rig.robot.motors.motor_count)
-        # Without their recordings, which are in the log: a long run must not fill the memory.
-        self.trials = [logged.without_recordings() for logged in logged.trials]
+        self.trials = Memory(logged.trials)
         self._rig = rig
         self._log = log
 
@@ -123,7 +123,7 @@ class RunDirectory:
             UserError: the robot cannot be put back as asked.
         """
         settings = settings_of(self.config, self._rig)
-        history, all_observers = tuple(self.trials), [_Summary(self), *observers]
+        history, all_observers = self.trials, [_Summary(self), *observers]
         budget = _make_budget(self.config)
         attendance = make_attendance(self._rig, attended or Attended(), self.config.robot.is_twin, self.path)
         if watch:
@@ -154,7 +154,6 @@ class RunDirectory:
 
     def _record(self, logged: LoggedTrial) -> None:
         self._log.append(logged)
-        self.trials.append(logged.without_recordings())
         self._refuse_gone()
 
     def _refuse_gone(self) -> None:

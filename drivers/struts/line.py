@@ -9,19 +9,18 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost
-from vvvaltr.controller.core.values import Gait, MotorState, Quantity
+from vvvaltr.controller.core.values import Gait, MotorState
 from vvvaltr.drivers.links.curve import to_commands
 from vvvaltr.drivers.links.gatt import GattLink, Word, in_words
 from vvvaltr.drivers.motor_line import MotorLine, Patience, arm_or_close
+from vvvaltr.drivers.struts.linked import LinkedStruts
 from vvvaltr.drivers.struts.opening import open_links, wanted_of
 from vvvaltr.drivers.struts.protocol import SEQUENCES, decode, encode_target, to_rpm
-from vvvaltr.drivers.struts.rescue import stop_runaways
 from vvvaltr.drivers.struts.strut import HOLD_S, LaboratoryStrut, OwnStrut, Strut
 from vvvaltr.drivers.struts.table import NO_WATCHDOG_CURE, StrutsLineTable
 
 _log = logging.getLogger(__name__)
 
-_PERIOD_S = 0.05
 _FIRST_S = 2.5  # the slowest builds report every 0.8 s
 _ANSWER_S = 1.0  # time for a strut to acknowledge a stop
 
@@ -44,32 +43,16 @@ def open_line(table: StrutsLineTable) -> MotorLine:
     return arm_or_close(StrutsLine(open_links(table.adapter, wanted, reports=True), table))
 
 
-class StrutsLine:
+class StrutsLine(LinkedStruts):
     """The motors of several struts: satisfies ``vvvaltr.drivers.motor_line.MotorLine``."""
 
-    period_s = _PERIOD_S
-    quantities = frozenset({Quantity.FREQUENCY})
-
     def __init__(self, link: GattLink, table: StrutsLineTable) -> None:
-        self._link = link
-        self._table = table
-        self._names = tuple(motor.strut for motor in table.motor)
+        super().__init__(link, table, encode_target(0), reports=True)
         self._curves = tuple(motor.calibration for motor in table.motor)
         self._struts: tuple[Strut, ...] = ()
         self._sequence = 0
         self._stop_s: list[float | None] = [None] * len(self._names)  # since when a stop is not acknowledged
         self._garbled = [0] * len(self._names)
-        self._lost: set[int] = set()
-
-    @property
-    def name(self) -> str:
-        """The adapter."""
-        return self._link.name
-
-    @property
-    def motor_count(self) -> int:
-        """Number of motors."""
-        return len(self._names)
 
     @property
     def watchdog_s(self) -> float:
@@ -113,28 +96,14 @@ class StrutsLine:
 
     def listen(self, until_s: float) -> None:
         """Receive reports and acknowledgements. Raises as ``MotorLine.listen`` does."""
-        try:
-            while (left_s := until_s - time.monotonic()) > 0.0:
-                if (word := self._link.read(left_s)) is not None:
-                    self._take(word)
-            self._check_stops(time.monotonic())
-        except LinkLost:
-            self._stop_reachable()
-            raise
+        super().listen(until_s)
+        self._check_stops(time.monotonic())
 
     def state(self) -> MotorState:
         """Return what the struts measured last, with the time of the oldest news."""
         return MotorState(
             min(strut.measured_s for strut in self._struts), tuple(strut.frequency_hz for strut in self._struts)
         )
-
-    def close(self) -> None:
-        """Release the links; a strut without a watchdog whose link was lost is looked for, and stopped."""
-        self._link.close()
-        wanted = wanted_of(self._table)
-        runaways = [wanted[number] for number in sorted(self._lost) if not self._struts[number].has_watchdog]
-        self._lost.clear()
-        stop_runaways(self._table.adapter, runaways, encode_target(0), reports=True)
 
     def arm(self) -> None:
         """Stop the motors, and wait for a report of each strut. Raises as ``open_line`` does."""
@@ -192,7 +161,7 @@ class StrutsLine:
         )
         if not self._table.allow_no_watchdog:
             raise DeviceFault("no_watchdog", f"{danger}; {NO_WATCHDOG_CURE}")
-        _log.warning("%s; keep a hand at the switch of the struts", danger)
+        self._warn(danger)
 
     def _targets_rpm(self, gait: Gait) -> tuple[int, ...]:
         return tuple(map(to_rpm, to_commands(self._curves, gait.frequency_hz, self.name)))
@@ -216,14 +185,6 @@ class StrutsLine:
             self._stop_reachable()
             raise lost
 
-    def _stop_reachable(self) -> None:
-        """Stop the other struts when the link of one is lost: nobody tells them anything after that."""
-        for number in range(self.motor_count):
-            try:
-                self._link.write(number, encode_target(0), is_acknowledged=True)
-            except LinkLost:
-                self._lost.add(number)
-
     def _take(self, word: Word) -> None:
         if word.acknowledges:
             self._stop_s[word.strut] = None
@@ -241,6 +202,9 @@ class StrutsLine:
             raise DeviceFault(
                 "battery", f"strut {name}: its battery is down to {strut.battery_v:.2f} V; charge or change it"
             )
+
+    def _has_watchdog(self, number: int) -> bool:
+        return self._struts[number].has_watchdog
 
     def _check_stops(self, now_s: float) -> None:
         for name, since_s in zip(self._names, self._stop_s, strict=True):

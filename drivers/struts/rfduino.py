@@ -5,22 +5,18 @@ A text that the strut acknowledges counts as applied; that is also the only sign
 
 from __future__ import annotations
 
-import logging
 import math
 import time
 from collections.abc import Sequence
 
 from vvvaltr.controller.core.errors import DeviceTimeout, LinkLost, UserError
-from vvvaltr.controller.core.values import Gait, MotorState, Quantity
+from vvvaltr.controller.core.values import Gait, MotorState
 from vvvaltr.drivers.links.curve import Curve, to_commands
 from vvvaltr.drivers.links.gatt import GattLink, Word
 from vvvaltr.drivers.motor_line import Patience
-from vvvaltr.drivers.struts.opening import wanted_of
+from vvvaltr.drivers.struts.linked import LinkedStruts
 from vvvaltr.drivers.struts.protocol import to_byte
-from vvvaltr.drivers.struts.rescue import stop_runaways
 from vvvaltr.drivers.struts.table import StrutsLineTable
-
-_log = logging.getLogger(__name__)
 
 DANGER = "an RFduino has no watchdog: its motor runs on when the radio link is lost or this program is killed"
 _STALE_S, _SETTLE_S, _ANSWER_S = 0.8, 0.6, 1.0
@@ -33,32 +29,17 @@ def check_curves(table: StrutsLineTable) -> None:
             raise UserError(f"strut {motor.strut} has no curve; run vvvaltr calibrate first")
 
 
-class RfduinoLine:
+class RfduinoLine(LinkedStruts):
     """The motors of several RFduino boards: satisfies ``vvvaltr.drivers.motor_line.MotorLine``."""
 
-    period_s = 0.05
     watchdog_s = math.inf
-    quantities = frozenset({Quantity.FREQUENCY})
     patience = Patience(stale_s=_STALE_S, settle_s=_SETTLE_S)
 
     def __init__(self, link: GattLink, table: StrutsLineTable) -> None:
-        self._link = link
-        self._table = table
-        self._lost: set[int] = set()
-        self._names = tuple(motor.strut for motor in table.motor)
+        super().__init__(link, table, b"\0", reports=False)
         self._curves = tuple(Curve(motor.curve) for motor in table.motor)
         self._heard_s = [time.monotonic()] * len(self._names)
         self._applied = [0] * len(self._names)
-
-    @property
-    def name(self) -> str:
-        """The adapter."""
-        return self._link.name
-
-    @property
-    def motor_count(self) -> int:
-        """Number of motors."""
-        return len(self._names)
 
     @property
     def heard_s(self) -> float:
@@ -85,32 +66,14 @@ class RfduinoLine:
         """Send each strut a 0."""
         self._tell((0,) * self.motor_count)
 
-    def listen(self, until_s: float) -> None:
-        """Receive acknowledgements. Raises LinkLost."""
-        try:
-            while (left_s := until_s - time.monotonic()) > 0.0:
-                if (word := self._link.read(left_s)) is not None:
-                    self._take(word)
-        except LinkLost:
-            self._stop_reachable()
-            raise
-
     def state(self) -> MotorState:
         """Return the frequencies of the bytes that were acknowledged."""
         applied_hz = tuple(c.frequency_hz(value) for c, value in zip(self._curves, self._applied, strict=True))
         return MotorState(self.heard_s, applied_hz, measured=False)
 
-    def close(self) -> None:
-        """Release the links; a strut whose link was lost is looked for, and stopped."""
-        self._link.close()
-        wanted = wanted_of(self._table)
-        runaways = [wanted[number] for number in sorted(self._lost)]
-        self._lost.clear()
-        stop_runaways(self._table.adapter, runaways, b"\0", reports=False)
-
     def arm(self) -> None:
         """Stop the motors. Raises as ``open_line`` does."""
-        _log.warning("%s; keep a hand at the switch of the struts", DANGER)
+        self._warn(DANGER)
         self.rest()
         silent = set(range(self.motor_count))
         end_s = time.monotonic() + _ANSWER_S
@@ -128,6 +91,9 @@ class RfduinoLine:
             self._heard_s[word.strut] = word.heard_s
             self._applied[word.strut] = word.text[0]
 
+    def _has_watchdog(self, number: int) -> bool:
+        return False
+
     def _bytes(self, gait: Gait) -> tuple[int, ...]:
         return tuple(map(to_byte, to_commands(self._curves, gait.frequency_hz, self.name)))
 
@@ -138,11 +104,3 @@ class RfduinoLine:
         except LinkLost:
             self._stop_reachable()
             raise
-
-    def _stop_reachable(self) -> None:
-        """Stop the other struts when the link of one is lost: nobody tells them anything after that."""
-        for number in range(self.motor_count):
-            try:
-                self._link.write(number, b"\0", is_acknowledged=True)
-            except LinkLost:
-                self._lost.add(number)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -96,7 +97,7 @@ class Search:
             ValueError: as of ``tell``.
         """
         trials = self._see([*self._history, told])
-        self._history.append(told)
+        self._history.append(replace(told, fit=None))  # which is in the log, and would fill the memory of a long run
         self._trials, last = trials, self._belief.fitted if self._belief else None
         self._belief, self._proposal = self._learn(trials, last, self._stream(FITTING)), None
 
@@ -145,7 +146,8 @@ class Search:
                 belief = self._learn(told, belief.fitted, self._stream(FITTING, len(told)))
         except (ValueError, KeyError, np.linalg.LinAlgError):  # another method's, or spoilt: it is fitted again
             return 0
-        self._trials, self._belief, self._history = told, belief, list(history)
+        self._trials, self._belief = told, belief
+        self._history = [replace(each, fit=None) for each in history]
         return len(history)
 
     def _see(self, history: Sequence[Told]) -> Trials:

@@ -91,6 +91,9 @@ class Drift:
         return np.asarray(self.velocity_m_s * weight / self.mean_weight * duration_s)
 
 
+_Key = tuple[int, float, float]  # of a trial: identity of its pieces, share of the usual weight, usual speed
+
+
 @dataclass(frozen=True, slots=True)
 class _Added:
     """What a trial adds to each hypothesis: precision and pull of own velocity and drift, and minus twice the log."""
@@ -116,8 +119,8 @@ class DriftLearner:
     def __init__(self) -> None:
         self._speeds: dict[int, tuple[tuple[Piece, ...], float]] = {}
         self._turned: dict[tuple[int, tuple[float, float]], tuple[tuple[Piece, ...], bool]] = {}
-        self._added: dict[tuple[int, float, float], _Added] = {}
-        self._of_gaits: dict[tuple[tuple[int, float, float], ...], _OfGait] = {}
+        self._added: dict[_Key, _Added] = {}
+        self._of_gaits: dict[tuple[_Key, ...], _OfGait] = {}
 
     def learn(
         self, gaits: Sequence[Hashable], trials: Sequence[Sequence[Piece]], weights: Sequence[float]
@@ -141,7 +144,9 @@ class DriftLearner:
         members: dict[Hashable, list[int]] = {}
         for i, gait in enumerate(gaits):
             members.setdefault(gait, []).append(i)
-        of_gaits = [self._combine(tuple(keys[i] for i in index), usual_m_s) for index in members.values()]
+        groups = [tuple(keys[i] for i in index) for index in members.values()]
+        of_gaits = [self._combine(group, usual_m_s) for group in groups]
+        self._forget_all_but(keys, groups)
         group = np.zeros(len(keys), dtype=int)
         for number, index in enumerate(members.values()):
             group[index] = number
@@ -165,19 +170,25 @@ class DriftLearner:
                 return True
         return False
 
+    def _forget_all_but(self, keys: Sequence[_Key], groups: Sequence[tuple[_Key, ...]]) -> None:
+        """Let go of what was computed for another usual speed, and for gaits that have been driven again since."""
+        self._speeds = {number: self._speeds[number] for number, _, _ in keys}
+        self._added = {key: self._added[key] for key in keys}
+        self._of_gaits = {group: self._of_gaits[group] for group in groups}
+
     def _measure(self, pieces: tuple[Piece, ...]) -> float:
         """Return the speed of a trial in m/s."""
         if id(pieces) not in self._speeds:
             self._speeds[id(pieces)] = pieces, find_speed_m_s(pieces)  # the pieces are kept, so that their identity is
         return self._speeds[id(pieces)][1]
 
-    def _add(self, pieces: tuple[Piece, ...], share: float, usual_m_s: float) -> tuple[int, float, float]:
+    def _add(self, pieces: tuple[Piece, ...], share: float, usual_m_s: float) -> _Key:
         key = (id(pieces), share, usual_m_s)
         if key not in self._added:
             self._added[key] = _add(pieces, share, usual_m_s)
         return key
 
-    def _combine(self, keys: tuple[tuple[int, float, float], ...], usual_m_s: float) -> _OfGait:
+    def _combine(self, keys: tuple[_Key, ...], usual_m_s: float) -> _OfGait:
         if keys not in self._of_gaits:
             self._of_gaits[keys] = _combine([self._added[key] for key in keys], usual_m_s)
         return self._of_gaits[keys]

@@ -63,7 +63,7 @@ class ChunkWriter:
         self._disk = disk
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
-        self._chunks: list[ChunkIndex] = []
+        self._chunks: list[bytes] = []  # their indices as they will be written: a long run has many
         self._metadata: list[MetadataIndex] = []
         self._counts: Counter[int] = Counter()
         self._begin_ns: int | None = None
@@ -103,18 +103,18 @@ class ChunkWriter:
         """Write the summary, by which any program finds its way in the file."""
         self._disk.write(_pack(DataEnd(0)))
         begin = self._disk.tell()
-        groups: list[tuple[Opcode, Iterable[McapRecord]]] = [
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
+        groups: list[tuple[Opcode, Iterable[bytes]]] = [
+            (Opcode.SCHEMA, map(_pack, self._schemas)),
+            (Opcode.CHANNEL, map(_pack, self._channels)),
+            (Opcode.STATISTICS, [_pack(self._statistics())]),
             (Opcode.CHUNK_INDEX, self._chunks),
             (Opcode.ATTACHMENT_INDEX, ()),
-            (Opcode.METADATA_INDEX, self._metadata),
+            (Opcode.METADATA_INDEX, map(_pack, self._metadata)),
         ]
         summary, offsets = BytesIO(), []
         for kind, records in groups:
             start = summary.tell()
-            summary.writelines(map(_pack, records))
+            summary.writelines(records)
             offsets.append(
                 SummaryOffset(group_opcode=kind, group_start=begin + start, group_length=summary.tell() - start)
             )
@@ -157,16 +157,18 @@ class ChunkWriter:
         self._begin_ns = begin_ns if self._begin_ns is None else min(self._begin_ns, begin_ns)
         self._end_ns = max(self._end_ns, end_ns)
         self._chunks.append(
-            ChunkIndex(
-                chunk_length=len(chunk),
-                chunk_start_offset=start,
-                compression="",
-                compressed_size=len(data),
-                message_end_time=end_ns,
-                message_index_length=at - start - len(chunk),
-                message_index_offsets=offsets,
-                message_start_time=begin_ns,
-                uncompressed_size=len(data),
+            _pack(
+                ChunkIndex(
+                    chunk_length=len(chunk),
+                    chunk_start_offset=start,
+                    compression="",
+                    compressed_size=len(data),
+                    message_end_time=end_ns,
+                    message_index_length=at - start - len(chunk),
+                    message_index_offsets=offsets,
+                    message_start_time=begin_ns,
+                    uncompressed_size=len(data),
+                )
             )
         )
 

@@ -9,11 +9,13 @@ import signal
 import subprocess
 import sys
 import time
+from argparse import Namespace
 from pathlib import Path
 
 import pytest
 
 from vvvaltr.controller.cli.main import main
+from vvvaltr.controller.cli.telling import logs_on_standard_error
 
 TRIAL = ("trial", "12", "-14", "9", "--duration", "0.2", "--repeats", "2")
 VVVALTR = (sys.executable, "-m", "vvvaltr")
@@ -91,3 +93,14 @@ def test_a_command_leaves_the_logging_of_its_program_as_it_was(tmp_path: Path) -
     main(["runs", str(tmp_path), "--quiet"])
 
     assert (logger.level, list(logger.handlers)) == before
+
+
+def test_a_danger_that_is_found_at_each_opening_is_told_once_a_command(capsys: pytest.CaptureFixture[str]) -> None:
+    log = logging.getLogger("vvvaltr.drivers")
+    for _ in range(2):
+        with logs_on_standard_error(Namespace(verbose=False, quiet=False)):
+            for strut in ("A", "A", "B"):
+                log.warning("strut %s has no watchdog", strut, extra={"once": True})
+
+    of_a_command = ["vvvaltr: strut A has no watchdog", "vvvaltr: strut B has no watchdog"]
+    assert capsys.readouterr().err.splitlines() == 2 * of_a_command

@@ -2,8 +2,8 @@ import math
 
 import pytest
 
-from vvvaltr.controller.core.values import Gait, Outcome, Pose, Trial
-from vvvaltr.controller.loop.scoring import score
+from vvvaltr.controller.core.values import Estimate, Gait, Outcome, Pose, Trial
+from vvvaltr.controller.loop.scoring import as_speed, score
 
 
 def trial(*places: tuple[float, float], outcome: Outcome = Outcome.COMPLETED, yaw_rad: float = 0.0) -> Trial:
@@ -41,3 +41,8 @@ def test_a_trial_cut_short_is_scored_over_the_time_it_ran() -> None:
 def test_a_failed_measurement_is_never_a_number(outcome: Outcome) -> None:
     with pytest.raises(ValueError, match=outcome.value):
         score(trial((0, 0), (0.1, 0), outcome=outcome))
+
+
+@pytest.mark.parametrize(("name", "low_m_s"), [("net", 0.0), ("path", 0.0), ("forward", -0.0038)])
+def test_an_interval_ends_where_the_score_does(name: str, low_m_s: float) -> None:
+    assert as_speed(Estimate(0.029, -0.0038, 0.0625), name) == Estimate(0.029, low_m_s, 0.0625)
