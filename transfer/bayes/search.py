@@ -97,7 +97,7 @@ class Search:
             ValueError: as of ``tell``.
         """
         trials = self._see([*self._history, told])
-        self._history.append(replace(told, fit=None))  # which is in the log, and would fill the memory of a long run
+        self._history += _without_fits([told])
         self._trials, last = trials, self._belief.fitted if self._belief else None
         self._belief, self._proposal = self._learn(trials, last, self._stream(FITTING)), None
 
@@ -123,7 +123,7 @@ class Search:
         Raises:
             ValueError: as of ``tell``.
         """
-        if list(history[: len(self._history)]) != self._history:  # else what was found of these trials holds
+        if _without_fits(history[: len(self._history)]) != self._history:  # else what was found of these trials holds
             self._corrector = Corrector(_span_hz(self._space))
         self._trials, self._belief, self._proposal = Trials.none(self._space), self._at_first, None
         self._history, self._found = [], {}
@@ -147,7 +147,7 @@ class Search:
         except (ValueError, KeyError, np.linalg.LinAlgError):  # another method's, or spoilt: it is fitted again
             return 0
         self._trials, self._belief = told, belief
-        self._history = [replace(each, fit=None) for each in history]
+        self._history = _without_fits(history)
         return len(history)
 
     def _see(self, history: Sequence[Told]) -> Trials:
@@ -230,6 +230,11 @@ class Search:
 
     def _stream(self, purpose: str, trials: int | None = None) -> np.random.Generator:
         return stream(self._seed, len(self._trials) if trials is None else trials, purpose)
+
+
+def _without_fits(history: Sequence[Told]) -> list[Told]:
+    """Return what was told without the fits, which are in the log, and would fill the memory of a long run."""
+    return [replace(told, fit=None) for told in history]
 
 
 def _span_hz(space: GaitSpace) -> float:
