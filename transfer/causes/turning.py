@@ -4,7 +4,9 @@ A motor that turns at f shakes the robot at f. At the frequency at which the tra
 half the tracker's rate) the amplitude spectrum of the pose has a line. Its height is measured over the noise next to
 it, as the mean over all coordinates of (line / median)^2. A motor without a line stood still only if the tracker would
 have seen it: the lines of the other motors, put in its place, must be well above the noise there. A line elsewhere near
-its frequency means that it turns otherwise than commanded. In all other cases nothing can be told.
+its frequency means that it turns otherwise than commanded. A line where those of other motors mix, for the ground's
+forces are not linear, may be theirs: at sums and differences of up to three of their frequencies. In all other cases
+nothing can be told.
 """
 
 from __future__ import annotations
@@ -33,6 +35,8 @@ _LEAST_SEEN_HZ = 3.0  # folded frequency below which the walk hides a line
 _LEAST_PLACES = 8  # that tell the noise
 _LEVER_M = 0.05  # angles count as the way of a point so far from the centre
 _LINE = 6.0  # height at which there is a line
+_MIXED_HZ = 0.3  # from a mixture of other lines: the spectrum's resolution in a drive of 5 s
+_MIXTURES = ((2, 0), (3, 0), (1, 1), (1, -1), (2, 1), (2, -1))
 _VISIBLE = 3.0  # how many times higher the other motors' lines must be
 
 
@@ -50,6 +54,12 @@ class _Spectrum:
         seen = np.minimum(seen, self.rate_hz - seen)
         return float(seen.min()), float(seen.max())
 
+    def unfold(self, seen_hz: float, near_hz: float) -> float:
+        """Return the frequency next to ``near_hz`` that is seen at ``seen_hz``."""
+        turns = np.arange(np.ceil(near_hz / self.rate_hz) + 1.0) * self.rate_hz
+        possible = np.concatenate([turns + seen_hz, turns - seen_hz])
+        return float(possible[np.abs(possible - near_hz).argmin()])
+
     def within(self, band: tuple[float, float], guard_hz: float) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
         """Return which frequencies, (f,), lie in a band or next to it."""
         return np.asarray((self.frequency_hz >= band[0] - guard_hz) & (self.frequency_hz <= band[1] + guard_hz))
@@ -60,12 +70,14 @@ class _Line:
     """What the spectrum has where a motor should show.
 
     Args:
-        height: of the highest line in its band.
+        frequency_hz: of the highest line in its band, unfolded.
+        height: of it.
         wandering: of the highest line next to the band.
         amplitude_m: of the line in each coordinate, (c,).
         noise_m: of each coordinate next to the band, (c,).
     """
 
+    frequency_hz: float
     height: float
     wandering: float
     amplitude_m: Array
@@ -88,21 +100,30 @@ def find_turning(poses: Sequence[Pose], frequency_hz: Sequence[float]) -> tuple[
     bands = [spectrum.fold((1.0 - _BAND) * abs(hz), (1.0 + _BAND) * abs(hz)) for hz in frequency_hz]
     alike = [[other for other in motors if _overlap(bands[motor], bands[other])] for motor in motors]
     lines = [_find_line(spectrum, abs(frequency_hz[motor]), bands, alike[motor]) for motor in motors]
-    return tuple(_judge(lines, motor, len(alike[motor]) > 1) for motor in motors)
+    return tuple(_judge(spectrum, lines, motor, len(alike[motor]) > 1) for motor in motors)
 
 
-def _judge(lines: Sequence[_Line | None], motor: int, is_shared: bool) -> bool | None:
+def _judge(spectrum: _Spectrum, lines: Sequence[_Line | None], motor: int, is_shared: bool) -> bool | None:
     """Return whether a motor turned; a line that others may have made says nothing."""
     line = lines[motor]
     if line is None:
         return None
+    others = [other for other in lines if other is not None and other is not line and other.height >= _LINE]
     if line.height >= _LINE:
-        return None if is_shared else True
-    others = [other for other in lines if other is not None and other.height >= _LINE]
+        return None if is_shared or _is_mixed(spectrum, line, others) else True
     if not others or line.wandering >= _LINE:
         return None
     expected = [float(np.mean((other.amplitude_m / line.noise_m) ** 2)) for other in others]
     return False if min(expected) >= _VISIBLE * _LINE else None
+
+
+def _is_mixed(spectrum: _Spectrum, line: _Line, others: Sequence[_Line]) -> bool:
+    """Return whether other lines mix where a line is seen."""
+    seen_hz = spectrum.fold(line.frequency_hz, line.frequency_hz)[0]
+    mixed_hz = (
+        a * one.frequency_hz + b * other.frequency_hz for one in others for other in others for a, b in _MIXTURES
+    )
+    return any(abs(spectrum.fold(hz, hz)[0] - seen_hz) < _MIXED_HZ for hz in mixed_hz)
 
 
 def _measure(poses: Sequence[Pose]) -> _Spectrum | None:
@@ -150,7 +171,8 @@ def _find_line(
     noise_m = np.maximum(np.median(spectrum.amplitude_m[near], axis=0), 1e-12)
     heights = ((spectrum.amplitude_m / noise_m) ** 2).mean(axis=1)
     at = int(np.flatnonzero(inside)[heights[inside].argmax()])
-    return _Line(float(heights[at]), float(heights[near].max()), spectrum.amplitude_m[at], noise_m)
+    found_hz = spectrum.unfold(float(spectrum.frequency_hz[at]), hz)
+    return _Line(found_hz, float(heights[at]), float(heights[near].max()), spectrum.amplitude_m[at], noise_m)
 
 
 def _overlap(one: tuple[float, float], other: tuple[float, float]) -> bool:

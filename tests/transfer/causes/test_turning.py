@@ -65,3 +65,10 @@ def test_where_it_cannot_be_told_nothing_is_told(why, poses):
 
 def test_a_slow_motor_cannot_be_told_from_the_walk():
     assert find_turning(shake([20.0, 13.0]), (20.0, 5.0, 13.0))[1] is None
+
+
+def test_a_line_where_those_of_other_motors_mix_tells_nothing():
+    gait_hz = (33.9, 48.5, 15.0)
+
+    assert find_turning(shake([33.9, 48.5, 48.5 - 33.9]), gait_hz)[2] is None
+    assert find_turning(shake([33.9, 48.5, 15.2]), gait_hz) == (True, True, True)
