@@ -22,6 +22,9 @@ from vvvaltr.transfer.bayes.trials import Trials
 MODEL_DOUBT_TRIALS = 15.0
 """Number of trials at which the model's own error is as large as the error it predicts; measured, docs/learning.md."""
 
+ROUGHNESS = 0.35
+"""Share of the learned noise that is taken to belong to a gait, and so to its true mean score; docs/learning.md."""
+
 RANDOM_START_EVERY = 5
 """Every so many trials the hyperparameters are fitted from a random start as well."""
 
@@ -62,10 +65,12 @@ class Belief:
         """Return estimates of the true mean scores at places (m, d), with 95 % intervals.
 
         The posterior treats scale and hyperparameters as known. The intervals are widened to make up for it, the more
-        the fewer trials there are.
+        the fewer trials there are. They are also widened by a share of the noise: to the model, that is whatever it
+        cannot follow from gait to gait, so it is not the scatter of repeats alone.
         """
-        widening = math.sqrt(1.0 + MODEL_DOUBT_TRIALS / len(self.seen))
-        return self.scale.estimates(*self.posterior.predict(x), self.noise_variance, widening)
+        mean, variance = self.posterior.predict(x)
+        doubt = MODEL_DOUBT_TRIALS / len(self.seen) * variance + ROUGHNESS * self.noise_variance
+        return self.scale.estimates(mean, variance, self.noise_variance, doubt)
 
     def promising(self, count: int = 5) -> Array:
         """Return the places seen (k, d), k <= count, that have the greatest posterior means, the greatest first."""
@@ -77,7 +82,9 @@ class Belief:
         return self.posterior.predict_mean(self.seen)
 
 
-def refit(observations: Observations, last: Fitted | None, trials: int, rng: np.random.Generator) -> GaussianProcess:
+def refit(
+    observations: Observations, last: Fitted | None, trials: int, rng: np.random.Generator, follows: bool = False
+) -> GaussianProcess:
     """Return the process with hyperparameters fitted from the prior's mean and from the last optimum.
 
     Every fifth trial the fit also starts at a random place: from the last optimum alone it gets stuck where the first
@@ -88,10 +95,13 @@ def refit(observations: Observations, last: Fitted | None, trials: int, rng: np.
         last: the last fit; None for the first.
         trials: number of trials told.
         rng: random stream of the random start.
+        follows: whether the fit starts at the prior's mean every fifth trial only, which saves half of its time.
     """
-    prior = Prior.of(observations.x.shape[1])
-    starts = [prior.mean] if last is None else [prior.mean, last.hyperparameters.logs]
-    if trials % RANDOM_START_EVERY == 0:  # drawn also where nothing is fitted: others draw on from the same stream
+    prior, is_thorough = Prior.of(observations.x.shape[1]), trials % RANDOM_START_EVERY == 0
+    starts = [] if last is None else [last.hyperparameters.logs]
+    if is_thorough or not follows or last is None:
+        starts.insert(0, prior.mean)
+    if is_thorough:  # drawn also where nothing is fitted: others draw on from the same stream
         starts.append(rng.normal(prior.mean, prior.sd))
     if last is not None and last.is_of(trials):
         return GaussianProcess.condition(observations, last.hyperparameters)

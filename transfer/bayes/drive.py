@@ -28,7 +28,8 @@ class Drive:
         low: lowest value (d,) of each parameter, in units of the greatest frequency where it is a frequency.
         span: range (d,) of each parameter, in the same units.
         frequencies: positions (f,) of the frequencies among the parameters; none where a drive has no meaning.
-        amplitudes: positions (f,) of the same motors' amplitudes; the frequency's own where it is not searched.
+        amplitudes: positions (f,) of the same motors' amplitudes, the frequency's own where it is not searched; where
+            none is, the very array ``frequencies``.
         greatest_hz: the greatest frequency; 0 where none is searched.
     """
 
@@ -45,11 +46,14 @@ class Drive:
         searched = [(place, motor) for (quantity, motor), place in places.items() if quantity is Quantity.FREQUENCY]
         low, high = (np.array([getattr(p, end) for p in space.parameters]) for end in ("low", "high"))
         frequencies = np.array([place for place, _ in searched], dtype=np.intp)
-        amplitudes = [places.get((Quantity.AMPLITUDE, motor), place) for place, motor in searched]
+        own = [places.get((Quantity.AMPLITUDE, motor), place) for place, motor in searched]
+        amplitudes = np.array(own, dtype=np.intp)
+        if np.array_equal(amplitudes, frequencies):
+            amplitudes = frequencies
         greatest_hz = float(np.abs([low[frequencies], high[frequencies]]).max()) if searched else 0.0
         unit = np.ones(space.dimension)
         unit[frequencies] = greatest_hz
-        return cls(low / unit, (high - low) / unit, frequencies, np.array(amplitudes, dtype=np.intp), greatest_hz)
+        return cls(low / unit, (high - low) / unit, frequencies, amplitudes, greatest_hz)
 
     def without_meaning(self) -> Drive:
         """Return the drive of a space in which frequencies are numbers like any other."""
@@ -63,22 +67,40 @@ class Drive:
 
     def view(self, x: Array, dead_zones: Array) -> View:
         """Return places (m, d) under each of the dead zones (h,)."""
-        zones = dead_zones[:, None, None]
-        warped, slope = np.repeat(x[None], len(zones), axis=0), np.ones((len(zones), *x.shape))
-        trend, trend_slope = np.zeros(warped.shape[:2]), np.zeros(warped.shape)
+        warped = np.repeat(x[None], len(dead_zones), axis=0)
         if not self.has_meaning:
-            return View(warped, slope, trend, trend_slope)
-        at, by, span = self.frequencies, self.amplitudes, self.span
-        u = (self.low + span * x)[:, at]
-        beyond, size = np.maximum(np.abs(u) - zones, 0.0) / (1.0 - zones), np.sign(u)
-        rise = np.where(beyond > 0.0, 1.0 / (1.0 - zones), 0.0)
-        warped[:, :, at], slope[:, :, at] = size * beyond / span[at], rise
-        fixed, share = by == at, DRIVE_RANGE / len(at)
-        amplitude = np.where(fixed, 1.0, (self.low + span * x)[:, by])
-        trend += share * (amplitude * beyond).sum(axis=2) - DRIVE_RANGE * USUAL_DRIVE
-        trend_slope[:, :, by[~fixed]] = share * beyond[:, :, ~fixed] * span[by[~fixed]]
-        trend_slope[:, :, at] = share * amplitude * size * rise * span[at]
-        return View(warped, slope, trend, trend_slope)
+            return View(warped, np.zeros(warped.shape[:2]))
+        u, beyond = self._beyond(x, dead_zones)
+        warped[:, :, self.frequencies] = np.sign(u) * beyond / self.span[self.frequencies]
+        effect = self._amplitude(x) * beyond
+        return View(warped, DRIVE_RANGE / len(self.frequencies) * effect.sum(axis=2) - DRIVE_RANGE * USUAL_DRIVE)
+
+    def slopes(self, x: Array, dead_zones: Array) -> Slopes:
+        """Return how the view of places (m, d) changes with them, under each of the dead zones (h,)."""
+        of_warped = np.ones((len(dead_zones), *x.shape))
+        of_trend = np.zeros(of_warped.shape)
+        if not self.has_meaning:
+            return Slopes(of_warped, of_trend)
+        at, by, share = self.frequencies, self.amplitudes, DRIVE_RANGE / len(self.frequencies)
+        u, beyond = self._beyond(x, dead_zones)
+        of_warped[:, :, at] = rise = (beyond > 0.0) / (1.0 - dead_zones[:, None, None])
+        free = by != at
+        of_trend[:, :, by[free]] = share * beyond[:, :, free] * self.span[by[free]]
+        of_trend[:, :, at] = share * self._amplitude(x) * np.sign(u) * rise * self.span[at]
+        return Slopes(of_warped, of_trend)
+
+    def _beyond(self, x: Array, dead_zones: Array) -> tuple[Array, Array]:
+        """Return the frequencies u (m, f), and what of them is beyond each dead zone, e (h, m, f)."""
+        zones = dead_zones[:, None, None]
+        u = self.low[self.frequencies] + self.span[self.frequencies] * x[:, self.frequencies]
+        return u, np.maximum(np.abs(u) - zones, 0.0) / (1.0 - zones)
+
+    def _amplitude(self, x: Array) -> Array | float:
+        """Return the amplitude (m, f) of each motor whose frequency is searched; 1 where it is not searched."""
+        if self.amplitudes is self.frequencies:
+            return 1.0
+        by = self.amplitudes
+        return np.where(by == self.frequencies, 1.0, self.low[by] + self.span[by] * x[:, by])
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,12 +111,21 @@ class View:
 
     Args:
         warped: places (h, m, d) without the dead zone.
-        slope: derivative (h, m, d) of each number of a warped place with respect to the place's own.
         trend: trend (h, m) of the drive; 0 where a drive has no meaning.
-        trend_slope: its gradient (h, m, d).
     """
 
     warped: Array
-    slope: Array
     trend: Array
-    trend_slope: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Slopes:
+    """How a view changes with the places.
+
+    Args:
+        of_warped: derivative (h, m, d) of each number of a warped place with respect to the place's own.
+        of_trend: gradient (h, m, d) of the trend.
+    """
+
+    of_warped: Array
+    of_trend: Array

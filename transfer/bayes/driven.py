@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.transfer.bayes.drive import Drive
+from vvvaltr.transfer.bayes.drive import Drive, Slopes
 from vvvaltr.transfer.bayes.gp import BLOCK_PLACES, GaussianProcess, blocks
 from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations, matern
 from vvvaltr.transfer.bayes.scale import Scale
@@ -102,11 +102,11 @@ class Driven:
 
     def predict_with_gradient(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """See ``Posterior``."""
-        near = self._near(x)
+        near, slopes = self._near(x), self.drive.slopes(x, self.dead_zones)
         means, projected = self._means(near), near.kernel @ self.inverse_root.transpose(0, 2, 1)
-        mean_slopes = self._mean_slopes(near)
-        variance_slopes = -2.0 * self._slopes(near, projected @ self.inverse_root)
-        variance_slopes += 2.0 * RISE_SD**2 * near.trend[:, :, None] * near.trend_slope
+        mean_slopes = self._mean_slopes(near, slopes)
+        variance_slopes = -2.0 * self._slopes(near, slopes, projected @ self.inverse_root)
+        variance_slopes += 2.0 * RISE_SD**2 * near.trend[:, :, None] * slopes.of_trend
         chance, mean = self.chance[:, :, None], (self.chance * means).sum(axis=0)
         mean_slope, away = (chance * mean_slopes).sum(axis=0), means - mean
         variance_slopes += 2.0 * away[:, :, None] * (mean_slopes - mean_slope)
@@ -116,7 +116,8 @@ class Driven:
     def predict_mean_with_gradient(self, x: Array) -> tuple[Array, Array]:
         """See ``Posterior``."""
         near = self._near(x)
-        slope = (self.chance[:, :, None] * self._mean_slopes(near)).sum(axis=0)
+        slopes = self._mean_slopes(near, self.drive.slopes(x, self.dead_zones))
+        slope = (self.chance[:, :, None] * slopes).sum(axis=0)
         return (self.chance * self._means(near)).sum(axis=0), np.asarray(slope)
 
     def _predict(self, x: Array) -> tuple[Array, Array]:
@@ -137,32 +138,32 @@ class Driven:
         common = RISE_SD * view.trend[:, :, None] * self.trend[:, None, :, 0]
         common += LEVEL_SD * self.trend[:, None, :, 1]
         kernel += common
-        return _Near(kernel, rise, warped, view.slope / self.length, view.trend, view.trend_slope)
+        return _Near(kernel, rise, warped, view.trend)
 
     def _means(self, near: _Near) -> Array:
         """Return the mean (h, m) of every hypothesis."""
         return np.asarray((near.kernel @ self.weights[:, :, None])[:, :, 0] + RISE * near.trend)
 
-    def _mean_slopes(self, near: _Near) -> Array:
+    def _mean_slopes(self, near: _Near, slopes: Slopes) -> Array:
         """Return the gradient (h, m, d) of every hypothesis' mean."""
-        return self._slopes(near, self.weights[:, None]) + RISE * near.trend_slope
+        return self._slopes(near, slopes, self.weights[:, None]) + RISE * slopes.of_trend
 
     def _variances(self, near: _Near, projected: Array) -> Array:
         """Return the variance (h, m) of every hypothesis, from the kernel times the inverse root (h, m, n)."""
         prior = self.signal + LEVEL_SD**2 + (RISE_SD * near.trend) ** 2
         return np.asarray(np.maximum(prior - (projected**2).sum(axis=2), 1e-10 * self.signal))
 
-    def _slopes(self, near: _Near, factor: Array) -> Array:
+    def _slopes(self, near: _Near, slopes: Slopes, factor: Array) -> Array:
         """Return the gradient (h, m, d) of the kernel times ``factor`` (h, m, n) or (h, 1, n), which is held fixed."""
         weighted = self.signal[:, :, None] * self.loading * near.rise * factor
         difference = weighted @ self.x - weighted.sum(axis=2)[:, :, None] * near.warped
         by_trend = RISE_SD * (factor @ self.trend[:, :, :1])
-        return np.asarray(5.0 / 3.0 * difference * near.slope + by_trend * near.trend_slope)
+        return np.asarray(5.0 / 3.0 * difference * slopes.of_warped / self.length + by_trend * slopes.of_trend)
 
 
 @dataclass(frozen=True, slots=True)
 class _Near:
-    """Some places as all hypotheses see them: kernel (h, m, n) with the observations, trend, and their slopes.
+    """Some places as all hypotheses see them: kernel (h, m, n) with the observations, and trend (h, m).
 
     ``rise`` is that of ``matern``.
     """
@@ -170,6 +171,4 @@ class _Near:
     kernel: Array
     rise: Array
     warped: Array
-    slope: Array
     trend: Array
-    trend_slope: Array

@@ -63,7 +63,7 @@ class Scale:
         return self.bend * self.spread * float(np.cosh(self.centre + self.spread * standardised))
 
     def estimates(
-        self, mean: Array, variance: Array, noise_variance: float, widening: float = 1.0
+        self, mean: Array, variance: Array, noise_variance: float, doubt: Array | float = 0.0
     ) -> tuple[Estimate, ...]:
         """Return estimates (m of them) of mean scores, averaged over the noise of a trial, with 95 % intervals.
 
@@ -74,12 +74,12 @@ class Scale:
             mean: means (m,) of the standardised values.
             variance: variances (m,) of the standardised values, without noise.
             noise_variance: noise variance of a standardised score.
-            widening: factor of the intervals' width, for uncertainty that the variances leave out.
+            doubt: variance (m,) to add for the intervals alone: uncertainty that the variances leave out.
         """
         middle, sd = self.centre + self.spread * mean, self.spread * np.sqrt(variance)
         factor = self.bend * np.exp(0.5 * self.spread**2 * noise_variance)
         means = factor * np.sinh(middle) * np.exp(0.5 * sd**2)
-        half = 1.96 * widening * sd
+        half = 1.96 * self.spread * np.sqrt(variance + doubt)
         low, high = factor * np.sinh(middle - half), factor * np.sinh(middle + half)
         return tuple(Estimate(*numbers) for numbers in np.stack([means, low, high], axis=1).tolist())
 

@@ -147,7 +147,7 @@ def learn_driven(
         trials,
         last,
         lambda rows: observe_drive(drive, rows, scale, zone),
-        partial(refit, trials=len(trials), rng=rng),
+        partial(refit, trials=len(trials), rng=rng, follows=True),
     )
     is_longer = isinstance(last, Conditioned) and not fitted.is_of(len(trials))
     before = last.others if is_longer and isinstance(last, Conditioned) else ()

@@ -30,8 +30,12 @@ def test_with_noise_the_expected_best_is_the_mean_of_the_greatest_of_independent
     assert drawn == pytest.approx(truth, abs=0.02)
 
 
-def test_the_interval_is_wider_than_the_posteriors_by_what_few_trials_leave_open() -> None:
-    belief = believed([0.1, 0.5, 0.9], 1.0)
-    estimate = belief.estimates(np.array([[0.1]]))[0]
-    half = 1.96 * np.sqrt(0.5) * belief.scale.unit() * np.sqrt(1.0 + 15.0 / 3)
+@pytest.mark.parametrize("noise_variance", [1e-9, 1.0])
+def test_the_interval_is_wider_than_the_posteriors_by_what_few_trials_leave_open_and_a_share_of_the_noise(
+    noise_variance: float,
+) -> None:
+    belief = believed([0.1, 0.5, 0.9], noise_variance)
+    _, (variance,) = belief.posterior.predict(np.array([[0.3]]))
+    estimate = belief.estimates(np.array([[0.3]]))[0]
+    half = 1.96 * belief.scale.unit() * np.sqrt(variance * (1.0 + 15.0 / 3) + 0.35 * noise_variance)
     assert (estimate.high - estimate.low) / 2 == pytest.approx(half, rel=0.01)
