@@ -3,9 +3,9 @@
     python -m benchmarks.soak --json
     python -m benchmarks.soak --method bare --trials 1000 --warm 100
 
-A fault begins every few trials. What ends the run, as three failures in a row do, is followed by ``--resume`` in the
-same process, where systemd would begin a new one. Counted are motors that are on between trials, trials that observers
-were told of and that are not in the log, and how memory and open files grow once the run is warm: medians over 50
+A fault begins every few trials. What ends the run, as three failures in a row do, is followed by ``--resume`` in a new
+process, as systemd does it. Counted are motors that are on between trials, trials that observers were told of and that
+are not in the log, and how memory and open files of the run's process grow once the run is warm: medians over 50
 trials. The method ``bare`` draws gaits and keeps no model: what grows then is what the program keeps of each trial.
 """
 
@@ -17,8 +17,10 @@ import os
 import random
 import tempfile
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, field
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -60,17 +62,25 @@ class Bare:
 
 
 class Witness:
-    """The observer that notes which trials it was told of."""
+    """The observer that tells another process of each trial that it is told of."""
 
-    def __init__(self) -> None:
-        self.numbers: list[int] = []
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
 
     def on_trial(self, logged: LoggedTrial) -> None:
-        """Note a trial."""
-        self.numbers.append(logged.trial.number)
+        """Tell of a trial."""
+        self._pipe.send(logged.trial.number)
 
     def on_event(self, event: Event) -> None:
         """Do nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """What a run's process holds after a trial."""
+
+    memory_bytes: int
+    files: int
 
 
 @dataclass(slots=True)
@@ -83,47 +93,60 @@ class Soak:
     asked: dict[str, Any]
     trials: int
     dice: random.Random
-    witness: Witness = field(default_factory=Witness)
-    made: int = 0
+    told: set[int] = field(default_factory=set)
     faults: int = 0
     resumed: int = 0
     motors_left_on: int = 0
-    memory_bytes: list[int] = field(default_factory=list)  # after each trial
-    files: list[int] = field(default_factory=list)
+    made: list[Made] = field(default_factory=list)  # after each trial
 
     def run(self) -> None:
-        """Make all trials, in as many sessions as it takes."""
-        while self.made < self.trials:
+        """Make all trials, in as many processes as it takes."""
+        context = get_context("spawn")
+        while len(self.made) < self.trials:
             self.resumed += self.path.exists()
-            try:
-                self._make_session()
-            except (UserError, DeviceError, TrackingLost):
-                time.sleep(1.0)
+            ours, theirs = context.Pipe()
+            process = context.Process(target=_make_trials, args=(self.path, self.asked, theirs))
+            process.start()
+            theirs.close()
+            with ours:
+                self._follow(ours)
+            process.join()
 
-    def _make_session(self) -> None:
-        """Make trials until something ends the run. What it kept in memory is free afterwards."""
-        is_bare, asked = self.asked["method"] == "bare", {**self.asked}
-        asked["method"] = "random" if is_bare else asked["method"]
-        opened = RunDirectory.resume(self.path, {}) if self.path.exists() else RunDirectory.create(self.path, asked)
-        with closing(opened) as run:
-            if is_bare:
-                run.optimizer = complete(Bare(run.space, len(run.trials)))
-            for logged in run.learn([self.witness]):
-                self._look(logged.trial.number)
-                if self.made >= self.trials:
-                    return
+    def _follow(self, run: Connection) -> None:
+        """Look at the run after each trial, until it ends."""
+        with suppress(EOFError):
+            while len(self.made) < self.trials:
+                match run.recv():
+                    case Made() as made:
+                        self.made.append(made)
+                        self._look()
+                        run.send("go on")
+                    case number:
+                        self.told.add(number)
 
-    def _look(self, number: int) -> None:
-        self.made = number
+    def _look(self) -> None:
         try:
             self.mock.rested_s(_REST_S)
         except TimeoutError:
             self.motors_left_on += 1
-        self.memory_bytes.append(_resident_bytes())
-        self.files.append(len(os.listdir("/proc/self/fd")))
         if self.dice.random() < 1 / _EVERY:
             self.mock.inject(draw_fault(self.dice, self.device))
             self.faults += 1
+
+
+def _make_trials(path: Path, asked: dict[str, Any], pipe: Connection) -> None:
+    """Make trials until something ends the run, or the other end of the pipe is closed."""
+    is_bare = asked["method"] == "bare"
+    known = {**asked, "method": "random" if is_bare else asked["method"]}
+    with suppress(UserError, DeviceError, TrackingLost, EOFError, BrokenPipeError), ExitStack() as stack:
+        opened = RunDirectory.resume(path, {}) if path.exists() else RunDirectory.create(path, known)
+        run = stack.enter_context(closing(opened))
+        if is_bare:
+            run.optimizer = complete(Bare(run.space, len(run.trials)))
+        for _ in run.learn([Witness(pipe)]):
+            pipe.send(Made(_resident_bytes(), len(os.listdir("/proc/self/fd"))))
+            pipe.recv()
+    time.sleep(1.0)
 
 
 def soak(trials: int, device: str = "node", method: str = "random", seed: int = 1, warm: int = _WARM) -> dict[str, Any]:
@@ -135,15 +158,15 @@ def soak(trials: int, device: str = "node", method: str = "random", seed: int = 
         it = Soak(mock, device, Path(name, "run"), asked, trials, random.Random(seed))
         it.run()
         logged = [logged.trial.number for logged in read_trials(it.path)]
-    found = {"trials": it.made, "faults": it.faults, "resumed": it.resumed, "motors_left_on": it.motors_left_on}
-    found["told_but_not_logged"] = len(set(it.witness.numbers) - set(logged))
+    found = {"trials": len(it.made), "faults": it.faults, "resumed": it.resumed, "motors_left_on": it.motors_left_on}
+    found["told_but_not_logged"] = len(it.told - set(logged))
     found["missing_or_doubled"] = int(logged != list(range(1, len(logged) + 1)))
     return found | _describe_growth(it, warm)
 
 
 def _describe_growth(it: Soak, warm: int) -> dict[str, Any]:
     """Return how memory and open files grew once the run was warm; empty where it never was."""
-    memory, files = it.memory_bytes[warm:], it.files[warm:]
+    memory, files = [made.memory_bytes for made in it.made[warm:]], [made.files for made in it.made[warm:]]
     if len(memory) < 2 * _WINDOW:
         return {}
     medians = [median(memory[at : at + _WINDOW]) for at in range(0, len(memory) - _WINDOW + 1, _WINDOW)]

@@ -62,6 +62,7 @@ _canary = pytest.StashKey[Canary]()
 _LONGEST = {
     "test_check.py",
     "test_entry.py",
+    "test_first_day.py",
     "test_go_command.py",
     "test_mock_process.py",
     "test_pose_faults.py",

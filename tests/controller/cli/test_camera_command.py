@@ -7,12 +7,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from board_views import write_board_views
 
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.values import Pose
-from vvvaltr.drivers.trackers.camera.board import BOARD_CELL_MM, board_cells
 from vvvaltr.drivers.trackers.camera.feed import FLOOR_M, LENS, TAG, mock_view
-from vvvaltr.drivers.trackers.camera.pictures import Looks, Painter, board_picture
+from vvvaltr.drivers.trackers.camera.pictures import Painter
 
 POSE = Pose(0.0, (0.1, -0.05, TAG.height_m), 0.5)
 ROBOT = """# our robot
@@ -100,14 +100,8 @@ def test_tags_and_board_are_written_for_printing(robot, capsys):
 
 
 def test_a_calibrated_lens_is_kept_in_the_robots_file_with_its_comments(robot, tmp_path, capsys):
-    views, random = tmp_path / "views", np.random.default_rng(3)
-    views.mkdir()
-    for number in range(12):
-        z_m = random.uniform(0.3, 0.5)
-        position_m = np.array([*(random.uniform(-0.3, 0.3, 2) * [z_m, 0.5 * z_m]), z_m])
-        rotation = cv2.Rodrigues(random.uniform(-0.6, 0.6, 3))[0]
-        picture = board_picture(LENS, board_cells(), BOARD_CELL_MM / 1000.0, rotation, position_m, Looks(), number)
-        cv2.imwrite(str(views / f"{number:02}.png"), picture)
+    views = tmp_path / "views"
+    write_board_views(views, 12)
     robot.write_text(ROBOT.format(source=views).replace('kind = "camera"', 'kind = "camera"\nrate_hz = 5'))
     assert main(["camera", str(robot), "calibrate", "--views", "7", "--json"]) == 0
     text = robot.read_text()

@@ -2,10 +2,15 @@
 
 import configparser
 import json
+import os
 import shlex
 import shutil
+import signal
 import socket
+import subprocess
+import sys
 from collections import namedtuple
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -14,6 +19,7 @@ from benchmarks.soak import soak
 from vvvaltr.controller.cli.main import main, make_parser
 from vvvaltr.controller.runs.attended import find_lack_of_room
 from vvvaltr.controller.runs.log import read_run
+from vvvaltr.drivers.mocking.process import MockProcess
 
 UNIT = Path(__file__).parents[3] / "examples" / "systemd" / "vvvaltr.service"
 TWIN = ["learn", "--robot", "planar", "--duration", "0.5", "--no-recording", "--method", "random"]
@@ -43,20 +49,80 @@ def test_a_systemd_that_is_gone_ends_no_run(tmp_path: Path, monkeypatch: pytest.
     assert main([*TWIN, "--trials", "1", "--out", str(tmp_path / "run")]) == 0
 
 
-def test_the_units_command_is_understood_and_hardened() -> None:
+def service() -> configparser.SectionProxy:
     unit = configparser.ConfigParser(strict=False, interpolation=None)
     unit.optionxform = str  # type: ignore[assignment, method-assign]
     unit.read(UNIT)
-    service = unit["Service"]
-    program, *words = shlex.split(service["ExecStart"])
+    return unit["Service"]
+
+
+def test_the_units_command_is_understood_and_hardened() -> None:
+    unit = service()
+    program, *words = shlex.split(unit["ExecStart"])
 
     arguments = make_parser().parse_args(words)
 
     assert Path(program).name == "vvvaltr"
     assert arguments.or_resume
-    assert (service["Type"], service["Restart"]) == ("notify", "on-failure")
-    assert service["WatchdogSec"]
-    assert {service[key] for key in ("NoNewPrivileges", "ProtectHome", "PrivateTmp", "LockPersonality")} == {"yes"}
+    assert (unit["Type"], unit["Restart"]) == ("notify", "on-failure")
+    assert unit["WatchdogSec"]
+    assert {unit[key] for key in ("NoNewPrivileges", "ProtectHome", "PrivateTmp", "LockPersonality")} == {"yes"}
+
+
+class Systemd(ExitStack):
+    """Starts the unit's own command line as systemd does, and hears its notices; robot and folder are a test's."""
+
+    def __init__(self, folder: Path, robot_file: str) -> None:
+        super().__init__()
+        line = service()["ExecStart"].replace("/etc/vvvaltr/robot.toml", robot_file)
+        _, *self._words = shlex.split(line.replace("/var/lib/vvvaltr", str(folder)))
+        self._socket = self.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
+        self._socket.bind(str(folder / "notify"))
+        self._socket.settimeout(20.0)
+        self._environment = {**os.environ, "NOTIFY_SOCKET": str(folder / "notify")}
+
+    def start(self) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", "vvvaltr", *self._words]
+        started = subprocess.Popen(command, env=self._environment, stdin=subprocess.DEVNULL)
+        self.enter_context(started)
+        self.callback(started.kill)
+        return started
+
+    def hear(self, words: str) -> str:
+        """Return the next notice that contains ``words``."""
+        while words not in (notice := self._socket.recv(1000).decode()):
+            pass
+        return notice
+
+
+@pytest.mark.flaky(reruns=2)  # in real time
+def test_after_a_loss_of_power_the_units_command_goes_on_and_stops_when_systemd_wants_it(tmp_path: Path) -> None:
+    with MockProcess("node", tmp_path / "port") as mock:
+        robot = Path(mock.greeting.robot_file)
+        robot.write_text(robot.read_text().partition("\n[trial]")[0] + "\n[trial]\nduration_s = 0.3\n")
+        with Systemd(tmp_path, str(robot)) as systemd:
+            killed = systemd.start()
+            assert "0 trials made" in systemd.hear("READY=1")
+            assert "WATCHDOG=1" in systemd.hear("trial 1: completed")
+            mock.wait_until(lambda it: not it.is_at_rest)
+            killed.kill()
+            killed.wait()
+            assert mock.wait_until(lambda it: it.is_at_rest)
+
+            again = systemd.start()
+            begin = systemd.hear("READY=1")
+            systemd.hear(": completed")
+            mock.wait_until(lambda it: not it.is_at_rest)
+            again.send_signal(getattr(signal, service()["KillSignal"]))
+            systemd.hear("STOPPING=1")
+
+            assert again.wait(timeout=10) == int(service()["SuccessExitStatus"])
+        assert mock.wait_until(lambda it: it.is_at_rest)
+    made = int(begin.partition("STATUS=")[2].split()[0])
+    outcomes = [logged.trial.outcome.value for logged in read_run(tmp_path / "run").trials]
+    assert made >= 1
+    assert outcomes == ["completed"] * (len(outcomes) - 1) + ["interrupted"]
+    assert len(outcomes) >= made + 2
 
 
 def test_the_same_command_begins_a_run_and_goes_on_with_it(tmp_path: Path) -> None:
