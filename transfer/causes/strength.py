@@ -80,7 +80,7 @@ class StrengthLearner:
         self._logs: dict[int, Array] = {}
 
     def follow(self, places: Array, speeds: Array) -> Array:
-        """Return the logarithm of each trial's strength over that of the first, (n,): what is expected of it.
+        """Return the logarithm of each trial's strength over that of the first, (n,): 0 while no loss is told.
 
         A long history is taken in stretches of ``STRETCH`` trials: the strengths of all but the last two are settled.
 
@@ -104,7 +104,10 @@ class StrengthLearner:
         return logs
 
     def learn(self, places: Array, speeds: Array) -> tuple[Loss, Array] | None:
-        """Return the loss, and the logarithm of each trial's strength over that of the first, (n,)."""
+        """Return the loss, and the logarithm of each trial's strength over that of the first, (n,).
+
+        It is 0 while the loss is not told.
+        """
         kept = np.flatnonzero(~_stood(places, speeds) & (speeds > 0.0))
         for _ in range(2):
             if len(kept) < 4:
@@ -124,6 +127,8 @@ class StrengthLearner:
         at = int(weighed.downs.sum(axis=0).argmax())
         weights = weighed.downs[:, at] / max(weighed.downs[:, at].sum(), 1e-300)
         loss = Loss(float(weighed.downs.sum()), int(kept[at + 1]), math.exp(float(weights @ weighed.steps[:, at])))
+        if not loss.is_told:  # an uncertain step is mostly noise, and the data say next to nothing of the walk
+            return loss, np.zeros(len(speeds))
         change = _expect_change(roots, y, walks, weighed)
         return loss, np.interp(np.arange(len(speeds)), kept, change - change[0])
 

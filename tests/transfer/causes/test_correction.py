@@ -85,6 +85,18 @@ def test_earlier_scores_are_brought_to_the_strength_of_today():
     assert corrected.names["strength"] == pytest.approx(0.5, rel=0.15)
 
 
+def test_a_loss_that_is_not_certain_changes_no_score():
+    random = np.random.default_rng(4)
+    speeds = [0.05, 0.045, 0.04, 0.028, 0.03, 0.026]
+    gaits = [Gait(tuple(random.uniform(10.0, 25.0, 3).tolist())) for _ in speeds]
+    history = [Told(gait, speed, None, Evidence()) for gait, speed in zip(gaits, speeds, strict=True)]
+
+    corrected = Corrector(100.0).correct(history)
+
+    assert corrected.scores.tolist() == speeds
+    assert "strength" not in corrected.names
+
+
 def test_a_trial_that_stood_still_says_nothing_of_how_fast_its_gait_is():
     gait = Gait((20.0, 20.0, 20.0))
     history = [Told(gait, speed, None, Evidence()) for speed in (0.050, 0.052, 0.003, 0.049)]
