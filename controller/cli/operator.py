@@ -76,6 +76,8 @@ class TerminalOperator:
     def show(self, stage: Stage, line: str) -> None:
         """Show one line in place of the last; the keys of a stage are shown when it first begins, and at ``?``."""
         self._stage = stage
+        if stage is Stage.DRIVING:
+            self._asking = None  # while motors turn, every key is what it is elsewhere
         if stage not in self._hinted:
             self._hinted.add(stage)
             self._print(f"{_CLEAR * self._can_repaint}{HINTS[stage]}\n")

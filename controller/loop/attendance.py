@@ -89,7 +89,7 @@ class Attendance:
             hindrance = self._obstruct()
             if hindrance and self._operator is None:
                 raise UserError(f"trial {number} cannot begin: {hindrance}")
-            obstacle = self._pause or hindrance or back.obstacle()
+            obstacle = self._pause or hindrance or back.obstacle() or self._typing()
             if not obstacle:
                 return Wish.GO
             if self._operator is None and back.is_hopeless:
@@ -142,6 +142,10 @@ class Attendance:
         if self._operator is not None:
             self._pause = self._pause or reason
         return self._operator is not None
+
+    def _typing(self) -> str:
+        """Return that the operator types, if so: no motor starts meanwhile, since each key is a letter then."""
+        return "waits for what you type" if self._operator is not None and self._operator.is_busy else ""
 
     def _judge(self, line: str) -> tuple[Verdict, str]:
         """Return the operator's verdict, that is to keep the trial if nothing else is said in time."""

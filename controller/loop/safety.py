@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
-from vvvaltr.controller.core.errors import SafetyStop
+from vvvaltr.controller.core.errors import DeviceError, SafetyStop
 from vvvaltr.controller.core.protocols import Clock, MotorDriver, Parkable, Robot, Tracker
 from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Pose, Quantity, Structure
 
@@ -119,8 +120,12 @@ class GuardedRobot:
         self._robot.carry_on(trial)
 
     def park(self) -> None:
-        """Stop the motors, and let go of their lines where the robot has any."""
-        self._robot.motors.stop()
+        """Stop the motors, and let go of their lines where the robot has any.
+
+        A device that has failed, which may be what the pause is for, is opened again by ``place``.
+        """
+        with suppress(DeviceError):
+            self._robot.motors.stop()
         if isinstance(self._robot, Parkable):
             self._robot.park()
 

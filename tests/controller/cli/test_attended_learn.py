@@ -11,7 +11,7 @@ import sys
 import termios
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
@@ -19,6 +19,8 @@ import pytest
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.records import LoggedTrial, Verdict
 from vvvaltr.controller.core.values import Outcome
+from vvvaltr.controller.robot.hardware import open_motors
+from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.controller.runs.log import read_run
 from vvvaltr.drivers.mocking.process import MockProcess
 
@@ -112,6 +114,26 @@ def test_a_run_at_a_terminal_waits_for_its_person_and_takes_every_wish(mock: Moc
     assert (first.review.verdict, first.review.verdict_reason, first.score) == (Verdict.DISCARD, "cable", None)
     assert (second.trial.outcome, second.review.notes) == (Outcome.INTERRUPTED, "windy")
     assert mock.wait_until(lambda it: it.is_at_rest)
+
+
+def test_a_long_pause_lets_go_of_the_line_and_takes_it_up_again(mock: MockProcess, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    options = ["--no-hand", "--park-after", "0.3", "--trials", "1", "--duration", "0.5", "--no-recording"]
+    person = Person("learn", "--robot", robot_file(mock, START), *options, "--out", str(out))
+    person.wait_for("trial 1: move")
+    person.press("p")
+    person.wait_for("trial 1: paused")
+    time.sleep(0.6)
+
+    (line,) = load_robot_file(Path(mock.greeting.robot_file)).line
+    with closing(open_motors(line)) as another:  # the line is free
+        another.state()
+    person.press("g")
+    person.wait_for("Enter keep")
+    person.press("\n")
+
+    assert person.end() == 0, person.said
+    assert [logged.trial.outcome for logged in trials(out)] == [Outcome.COMPLETED]
 
 
 def test_a_terminal_that_closes_while_waiting_leaves_the_motors_at_rest_and_the_run_saved(

@@ -120,6 +120,16 @@ def test_a_reason_is_typed_mended_and_given_up(typing: tuple[TerminalOperator, i
     assert not operator.is_busy
 
 
+def test_while_motors_turn_a_space_is_a_stop_whatever_was_being_typed(typing: tuple[TerminalOperator, int]) -> None:
+    operator, master = typing
+    operator.show(Stage.WAITING, "trial 1: paused")
+    assert wishes(operator, master, b"t") == []
+
+    operator.show(Stage.DRIVING, "trial 1 drives")
+
+    assert wishes(operator, master, b" ") == [Request(Wish.STOP)]
+
+
 def test_a_closed_terminal_interrupts() -> None:
     master, terminal = pty.openpty()
     with raw_keyboard(terminal) as keyboard:

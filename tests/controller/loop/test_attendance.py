@@ -298,3 +298,23 @@ def test_a_long_pause_lets_go_of_the_motors_lines_once() -> None:
 
     assert len(parked) == 1
     assert outcomes(log) == ["completed"]
+
+
+def test_no_motor_starts_while_the_operator_types() -> None:
+    robot = ScriptedRobot()
+    attendance = attended(robot)
+    operator = attendance._operator
+    assert isinstance(operator, ScriptedOperator)
+    operator.is_busy = True
+    began: list[bool] = []
+
+    def end_the_note() -> None:
+        began.append(robot.is_running)
+        operator.is_busy = False
+
+    operator.script.append((Stage.WAITING, "waits for what you type", end_the_note))
+
+    log = run(attendance, trials=1)
+
+    assert began == [False]
+    assert outcomes(log) == ["completed"]
