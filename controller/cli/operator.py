@@ -115,6 +115,8 @@ class TerminalOperator:
                 self._asking, self._text = wish, ""
                 break
             assert wish is not None
+            if wish is Wish.NEW_BATTERY:
+                self._acknowledge("new battery")
             requests.append(Request(wish))
         return requests
 
@@ -124,7 +126,10 @@ class TerminalOperator:
         for key in keys:
             if key in ("\n", "\r"):
                 wish, self._asking = self._asking, None
-                return [Request(wish, self._text.strip())]
+                text = self._text.strip()
+                if wish is Wish.NOTE and text:
+                    self._acknowledge(text)
+                return [Request(wish, text)]
             if key == "\x1b":
                 self._asking = None
                 return []
@@ -133,6 +138,11 @@ class TerminalOperator:
             elif key.isprintable() and len(key) == 1 and len(self._text) < _LONGEST_TEXT:
                 self._text += key
         return []
+
+    def _acknowledge(self, text: str) -> None:
+        """Show, on a line that stays, what goes into the log and changes nothing else that could be seen."""
+        self._print(f"{_CLEAR * self._can_repaint}noted: {printable(text)}\n")
+        self._shown = ""
 
     def _paint(self, line: str) -> None:
         line = printable(line)[: max(20, shutil.get_terminal_size().columns - 1)]

@@ -1,16 +1,15 @@
-"""How a run goes, on standard error: a bar on a terminal, else one line a trial."""
+"""How a run goes, on standard error: a bar on a terminal that can write a line anew, else one line a trial."""
 
 from __future__ import annotations
 
 import shutil
-import sys
 import time
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from vvvaltr.controller.cli.telling import bar, say, say_above
+from vvvaltr.controller.cli.telling import bar, can_repaint, say, say_above
 from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.records import Verdict
 
@@ -37,7 +36,7 @@ class TrialProgress:
         self._began_s = time.monotonic()
         width, height = shutil.get_terminal_size()  # given to the bar, which hides itself on a serial console of 0 x 0
         self._bar = bar(
-            arguments, total=total, initial=done, desc="learning", is_needed=sys.stderr.isatty(),
+            arguments, total=total, initial=done, desc="learning", is_needed=can_repaint(),
             ncols=width - 1, nrows=height, bar_format="{desc} {n}/{total} |{bar}| {remaining} left{postfix}",
         )  # fmt: skip
 
@@ -60,7 +59,7 @@ class TrialProgress:
         self._done += 1
         self._bar.set_postfix_str(f"{_write_speeds(logged)}{self._write_failures()}", refresh=False)
         self._bar.update()
-        if not sys.stderr.isatty():
+        if not can_repaint():
             left = f"; {_write_duration(self._estimate_left_s())} left" if self._done < self._total else ""
             say(self._arguments, f"trial {logged.trial.number}, {self._done} of {self._total}: "
                 f"{_write_speeds(logged)}{self._write_failures()}{left}")  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable, Iterator
@@ -28,6 +29,11 @@ def add_telling_arguments(parser: ArgumentParser) -> None:
 def counted(number: int, noun: str) -> str:
     """Return a number of things in words: 1 trial, 2 trials."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def can_repaint() -> bool:
+    """Return whether standard error is a terminal that can write a line anew, as bars and an operator's line need."""
+    return sys.stderr.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
 
 def say(arguments: Namespace, line: str) -> None:

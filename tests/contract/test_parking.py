@@ -1,4 +1,4 @@
-"""A pause that gets long lets go of the motors' lines, on each device: motors rest, the line is free, and back again."""
+"""A pause that gets long lets go of the motors' lines, on each device, and takes them up again."""
 
 from __future__ import annotations
 

@@ -120,6 +120,20 @@ def test_a_reason_is_typed_mended_and_given_up(typing: tuple[TerminalOperator, i
     assert not operator.is_busy
 
 
+def test_what_goes_into_the_log_alone_is_acknowledged(
+    typing: tuple[TerminalOperator, int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    operator, master = typing
+    operator.show(Stage.WAITING, "trial 1: paused")
+
+    wishes(operator, master, b"b")
+    wishes(operator, master, b"t")
+    wishes(operator, master, b"windy\n")
+
+    noted = [line for line in capsys.readouterr().err.split("\n") if "noted" in line]
+    assert [line.rpartition("noted: ")[2] for line in noted] == ["new battery", "windy"]
+
+
 def test_while_motors_turn_a_space_is_a_stop_whatever_was_being_typed(typing: tuple[TerminalOperator, int]) -> None:
     operator, master = typing
     operator.show(Stage.WAITING, "trial 1: paused")
