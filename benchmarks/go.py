@@ -126,8 +126,6 @@ def repertoire_of(case: Case) -> Repertoire:
 
     range_hz = (5.0, SLOW_HZ if case.world == "slow motors" else 50.0)
     repertoire = learn_repertoire([trials_of(case.body, range_hz)])
-    if case.method == "truth":
-        return learn_repertoire([trials_of_truth(case, repertoire.gaits)])
     if case.method == "two":
         from vvvaltr.controller.loop.jog import Key, choose_movements
 
@@ -188,13 +186,15 @@ def measure(case: Case, done: int) -> Iterator[dict[str, Any]]:
     repertoire, robot = repertoire_of(case), make_robot(case)
     settings = TrialSettings(heading_limit_rad=None)
     steersman = Steersman(repertoire, SEED, None, settings.settle_s)
+    for trial in trials_of_truth(case, repertoire.gaits) if case.method == "truth" else ():
+        steersman.learn(trial)
+    if case.method in ("fixed", "two", "truth"):
+        setattr(steersman, "learn", lambda trial: None)  # noqa: B010
     for index, goals in enumerate(bearings(case)):
         if index < done and case.method != "carried":
             continue
-        if case.method != "carried":
+        if case.method == "cold":
             steersman = Steersman(repertoire, SEED, None, settings.settle_s)
-        if case.method in ("fixed", "two", "truth"):
-            setattr(steersman, "learn", lambda trial: None)  # noqa: B010
         # A robot ages from trial to trial: these come soon after those of the repertoire.
         result = _send(case, robot, steersman, goals, 41 + 20 * index)
         if index >= done:
@@ -277,10 +277,11 @@ def decision_ms() -> dict[str, float]:
     random, times_ms = np.random.default_rng(SEED), []
     for _ in range(200):
         velocities = random.normal(0.0, [0.008, 0.008, 0.3], (40, 3))
-        able = Abilities(velocities, np.abs(0.4 * velocities), random.normal(0.0, 0.003, (40, 2)), 0.2, 0.3)
+        floor = np.hstack([random.normal(0.0, 0.1, (40, 2)), random.normal(0.0, 0.003, (40, 2))])
+        able = Abilities(velocities, np.abs(0.4 * velocities), floor, 0.2, 0.3)
         goal = Goal(*random.uniform(-0.3, 0.3, 2))
         begin_s = time.thread_time()
-        plan(np.zeros(3), goal, able, Border((-0.5, 0.5), (-0.5, 0.5)), np.append(velocities[0], able.drift_m_s[0]))
+        plan(np.zeros(3), goal, able, Border((-0.5, 0.5), (-0.5, 0.5)), np.append(velocities[0], floor[0]))
         times_ms.append(1000.0 * (time.thread_time() - begin_s))
     return {"decision_ms": round(float(np.median(times_ms)), 1),
             "decision_p99_ms": round(float(np.quantile(times_ms, 0.99)), 1)}  # fmt: skip

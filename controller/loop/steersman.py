@@ -14,7 +14,7 @@ from vvvaltr.controller.core.values import Outcome, Pose, Trial
 from vvvaltr.controller.loop.safety import Guard
 from vvvaltr.controller.loop.thinking import Thinking
 from vvvaltr.controller.loop.trial_runner import TrialSettings
-from vvvaltr.transfer.steering.belief import Belief
+from vvvaltr.transfer.steering.belief import Belief, facing
 from vvvaltr.transfer.steering.hypotheses import Knowledge
 from vvvaltr.transfer.steering.passage import passage, where
 from vvvaltr.transfer.steering.planner import DURATIONS_S, Abilities, Border, Goal, Plan, plan
@@ -70,9 +70,9 @@ class Steersman:
         """Draw, for primitive ``number``, what its plans take the movements for."""
         random = stream(self._seed, number, "steering")
         self._belief = self.knowledge.draw(random)
-        velocities, drift = self._drawn(self._belief, random)
+        velocities, floor = self._drawn(self._belief, random)
         deviations = np.hypot(self._belief.scatter, self._belief.deviations)
-        self._able = Abilities(velocities, deviations, drift, self._delay_s, self._pause_s)
+        self._able = Abilities(velocities, deviations, floor, self._delay_s, self._pause_s)
 
     def plan(self, at: Array, goal: Goal) -> Plan:
         """Return the way from a pose (3,) to the goal."""
@@ -88,7 +88,7 @@ class Steersman:
         scatter, deviations = belief.scatter[movement], belief.deviations[movement]
         usual = np.hypot(scatter, np.minimum(deviations, scatter))
         width = usual / np.maximum(deviations / np.maximum(scatter, 1e-9), 1.0)
-        mean = np.append(able.velocities[movement], able.drift_m_s[movement])
+        mean = facing(float(at[2])) @ np.append(able.velocities[movement], able.floor[movement])
         return Tube(at, 0.0, self._delay_s, mean, belief.around(movement, width))
 
     def onward(self, movement: int, poses: Sequence[Pose], goal: Goal) -> Onward:
@@ -96,7 +96,8 @@ class Steersman:
         mean, covariance = self._belief.underway(movement, passage(poses))
         at, t_s = where(poses[-1]), poses[-1].t_s
         way = plan(at, goal, self._able, self._border, mean)
-        return Onward(way, t_s, Tube(at, t_s, 0.0, mean, covariance))
+        now = facing(float(at[2]))
+        return Onward(way, t_s, Tube(at, t_s, 0.0, now @ mean, now @ covariance @ now.T))
 
     def learn(self, trial: Trial) -> None:
         """Learn from a driven movement."""
@@ -106,14 +107,15 @@ class Steersman:
 
     @staticmethod
     def _drawn(belief: Belief, random: np.random.Generator) -> tuple[Array, Array]:
-        """Return movements and drift as they may be: what is as good as unknown may be hoped to be good.
+        """Return movements as they may be, and what the floor adds.
 
+        What is as good as unknown may be hoped to be good.
         What is known as well as one trial could tell is taken for its mean.
         """
         drawn, _ = belief.drawn(random)
         known = (belief.scatter / belief.deviations) ** 2
         hope = _DARING * np.sqrt(np.maximum(1.0 - known, 0.0))
-        return belief.movements + hope * (drawn - belief.movements), belief.drive[:, None] * belief.drift_m_s
+        return belief.movements + hope * (drawn - belief.movements), belief.floor
 
 
 @dataclass(frozen=True, slots=True)

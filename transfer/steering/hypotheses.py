@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.transfer.steering.belief import Belief
+from vvvaltr.transfer.steering.belief import FLOOR_TURN, Belief
 from vvvaltr.transfer.steering.passage import Passage
 from vvvaltr.transfer.steering.repertoire import Repertoire
 
@@ -55,16 +55,27 @@ class Hypothesis:
     def changed(self, belief: Belief, size: Array) -> Belief:
         """Return what is believed once the change has occurred; ``size`` is that of ``usual_size``."""
         v = belief.movements
-        common = np.zeros((3, *v.shape))
+        common = np.zeros((3, len(v), 5))
         common[0, :, :2], common[1, :, :2] = v[:, :2], np.stack([-v[:, 1], v[:, 0]], axis=1)
         common[2, :, 2] = v[:, 2]
         directions = common.reshape(3, -1) * self.common
         covariance = self.factor**2 * belief.covariance
-        covariance[:-2, :-2] += directions.T @ directions + np.diag(np.tile((self.own * size) ** 2, len(v)))
+        own = _numbers(self.own * size, FLOOR_TURN * size[2])
+        covariance[:-2, :-2] += directions.T @ directions + np.diag(np.tile(own**2, len(v)))
         covariance[-2:, :-2] = covariance[:-2, -2:] = 0.0
         covariance[-2:, -2:] = belief.covariance[-2:, -2:] + (self.drift * size[0]) ** 2 * np.eye(2)
         mean = np.append(self.factor * belief.mean[:-2], belief.mean[-2:])
         return replace(belief, mean=mean, covariance=covariance)
+
+    def aged(self, belief: Belief, size: Array) -> Belief:
+        """Return what is believed one primitive later."""
+        numbers = _numbers(self.unrest * size, self.drift_unrest * FLOOR_TURN * size[2])
+        return belief.aged(numbers, self.drift_unrest * size[0])
+
+
+def _numbers(velocity: Array, floor_rad_s: float) -> Array:
+    """Return the standard deviations of a movement's numbers, shape (5,)."""
+    return np.append(velocity, [floor_rad_s, floor_rad_s])
 
 
 HYPOTHESES = (
@@ -112,8 +123,7 @@ class Knowledge:
             belief = self.beliefs[index]
             if index != best and comes[index] > stays[index]:
                 belief = begun if index == _UNCHANGED else hypothesis.changed(begun, self._size)
-            changes = np.broadcast_to(hypothesis.unrest * self._size, belief.movements.shape)
-            aged = belief.aged(changes, hypothesis.drift_unrest * self._size[0])
+            aged = hypothesis.aged(belief, self._size)
             self.beliefs[index], log_density = aged.observed(movement, seen, self._size)
             log_weights[index] += log_density
         weights = np.exp(log_weights - log_weights.max())

@@ -62,7 +62,7 @@ def reach(repertoire: Repertoire) -> tuple[Array, float]:
     velocities = repertoire.velocities
     scatter = np.array([movement.scatter for movement in repertoire.movements])
     spread = np.hypot(scatter, np.array([movement.deviation for movement in repertoire.movements]))
-    able = Abilities(velocities, spread, np.zeros_like(velocities[:, :2]), repertoire.delay_s, 0.3)
+    able = Abilities(velocities, spread, np.zeros((len(velocities), 4)), repertoire.delay_s, 0.3)
     away_m = _AWAY_S * float(np.median(np.hypot(velocities[:, 0], velocities[:, 1]))) + 1e-3
     used, times = np.zeros(len(velocities)), []
     for bearing in np.linspace(0.0, math.tau, _GOALS, endpoint=False):

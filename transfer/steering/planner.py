@@ -4,6 +4,10 @@ A movement may be driven for any of some durations. Along it the robot moves by 
 
     p(t) = p + R(yaw) W(w t) v t + s t,    W(a) = [[sin a, cos a - 1], [1 - cos a, sin a]] / a
 
+Where the floor makes the turn depend on the heading, f(yaw), w is the mean turn to first order in the change of yaw,
+
+    w t = f(yaw) (e^(f'(yaw) t) - 1) / f'(yaw)
+
 What is left at the end of a sequence is charged by the distance left over the speed at which the repertoire gets along.
 The distance is that of a robot that may have gone wrong in its last movement by as much as this movement scatters.
 """
@@ -23,6 +27,8 @@ DURATIONS_S = (1.8, 2.4, 3.2, 4.2, 5.5, 7.3, 10.0)
 
 _FIRST_WIDTH, _WIDTH = 320, 96  # sequences that are kept: all of one movement, for repertoires of the usual size
 _DEPTH = 4
+_GROWTH = 1.5  # of the change of heading within a movement, in factors of e, as far as the first order is of use
+_UNHINDERED = 0.7  # of the speed of a movement, that is left after turns and detours
 _ANOTHER_S = 1.5  # that one more movement takes before it gets anywhere
 _SIDEWAYS = 0.6  # of a movement's deviation that stopping at the best point cannot make good
 
@@ -85,14 +91,14 @@ class Abilities:
     Args:
         velocities: (n, 3) forward, left, turn per second.
         deviations: (n, 3) by how much a single drive may differ from them.
-        drift_m_s: (n, 2) the floor's, as it acts while each is driven.
+        floor: (n, 4) what the floor adds to each: the turn with cosine and sine of the heading (rad/s), and the drift.
         delay_s: time at the start of a movement in which nothing moves.
         pause_s: time between two movements.
     """
 
     velocities: Array
     deviations: Array
-    drift_m_s: Array
+    floor: Array
     delay_s: float
     pause_s: float
 
@@ -121,25 +127,41 @@ class _Actions:
     movement: NDArray[np.int64]
     duration_s: Array
     cost_s: Array
-    own_m: Array  # (actions, 2)
-    halfway_m: Array  # (actions, 2)
-    drift_m: Array  # (actions, 2)
+    own_m: Array  # (actions, 2), along the path
     turn_rad: Array
+    floor_rad: Array  # (actions, 2), that it adds to the turn with cosine and sine of the heading
+    drift_m: Array  # (actions, 2)
     spread_m: Array
 
     def joined(self, other: _Actions) -> _Actions:
         pairs = ((getattr(self, name), getattr(other, name)) for name in self.__dataclass_fields__)
         return _Actions(*(np.concatenate(pair) for pair in pairs))
 
+    def turned(self, yaw_rad: Array) -> Array:
+        """Return the turn of each from headings of shape (nodes, 1)."""
+        if not self.floor_rad.any():
+            return np.broadcast_to(self.turn_rad, (len(yaw_rad), len(self.turn_rad)))
+        cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+        along, across = self.floor_rad.T
+        growth = np.clip(across * cosine - along * sine, -_GROWTH, _GROWTH)
+        growth = np.where(np.abs(growth) < 1e-6, 1e-6, growth)
+        turned: Array = (self.turn_rad + along * cosine + across * sine) * np.expm1(growth) / growth
+        return turned
+
 
 def travel(velocities: Array, duration_s: Array) -> tuple[Array, Array]:
     """Return displacement (..., 2) in the frame at the start, and turn, of velocities (..., 3) over durations (...)."""
     turn = velocities[..., 2] * duration_s
-    small = np.abs(turn) < 1e-4
-    safe = np.where(small, 1.0, turn)
-    along, across = np.where(small, 1.0, np.sin(safe) / safe), np.where(small, 0.5 * turn, (1.0 - np.cos(safe)) / safe)
-    forward, left = velocities[..., 0] * duration_s, velocities[..., 1] * duration_s
-    return np.stack([along * forward - across * left, across * forward + along * left], axis=-1), turn
+    return np.stack(_chord(velocities[..., 0] * duration_s, velocities[..., 1] * duration_s, turn), axis=-1), turn
+
+
+def _chord(forward_m: Array, left_m: Array, turn_rad: Array) -> tuple[Array, Array]:
+    """Return the displacement in the frame at the start, of paths along which the robot turns evenly."""
+    small = np.abs(turn_rad) < 1e-4
+    safe = np.where(small, 1.0, turn_rad)
+    along = np.where(small, 1.0, np.sin(safe) / safe)
+    across = np.where(small, 0.5 * turn_rad, (1.0 - np.cos(safe)) / safe)
+    return along * forward_m - across * left_m, across * forward_m + along * left_m
 
 
 def plan(
@@ -152,14 +174,14 @@ def plan(
         goal: where to go.
         able: what can be done.
         border: not crossed by any expected path; None for none.
-        underway: (5,) velocity and drift of the movement that is being driven, which may go on without delay or pause.
+        underway: (7,) velocity of the movement that is being driven, and what the floor adds. It may go on at once.
     """
     menu = _actions(able, np.arange(len(able.velocities)))
     first = menu
     if underway is not None:
         seen = 0.3 * able.deviations.min(axis=0)[None]
         first = menu.joined(_actions(Abilities(underway[None, :3], seen, underway[None, 3:], 0.0, 0.0), np.array([-1])))
-    search = _Search(goal, start, able.drift_m_s.mean(axis=0), border, *_speeds(able))
+    search = _Search(goal, start, border, *_speeds(able))
     nodes = _Nodes.at(start, search)
     layers: list[_Nodes] = [nodes]
     for depth in range(_DEPTH):
@@ -179,20 +201,21 @@ def _actions(able: Abilities, names: NDArray[np.int64]) -> _Actions:
     v, sd = np.repeat(able.velocities, count, axis=0), np.repeat(able.deviations, count, axis=0)
     t = np.tile(durations, len(names))
     moving_s = np.maximum(t - able.delay_s, 0.0)
-    own_m, turn = travel(v, moving_s)
-    halfway_m, _ = travel(v, 0.5 * moving_s)
-    drift_m = moving_s[:, None] * np.repeat(able.drift_m_s, count, axis=0)
+    floor = moving_s[:, None] * np.repeat(able.floor, count, axis=0)
     length_m = np.hypot(v[:, 0], v[:, 1]) * moving_s
     spread_m = np.hypot(np.hypot(sd[:, 0], sd[:, 1]) * moving_s, 0.5 * length_m * np.minimum(sd[:, 2] * moving_s, 2.0))
-    return _Actions(np.repeat(names, count), t, t + able.pause_s, own_m, halfway_m, drift_m, turn, spread_m)
+    own_m, turn_rad = v[:, :2] * moving_s[:, None], v[:, 2] * moving_s
+    return _Actions(np.repeat(names, count), t, t + able.pause_s, own_m, turn_rad, floor[:, :2], floor[:, 2:], spread_m)
 
 
-def _speeds(able: Abilities) -> tuple[float, float]:
-    """Return the speed at which the repertoire gets along and the one at which it turns."""
+def _speeds(able: Abilities) -> tuple[Array, float, float]:
+    """Return the drift and the speed of the movements that get along best, and the speed at which some turn."""
     chords_m, _ = travel(able.velocities, np.full(len(able.velocities), 5.0))
-    along = np.sort(np.hypot(chords_m[:, 0], chords_m[:, 1]))[-3:].mean() / (5.0 + able.pause_s)
+    along = np.hypot(chords_m[:, 0], chords_m[:, 1]) / (5.0 + able.pause_s)
+    best = np.argsort(along)[-3:]
     turning = np.sort(np.abs(able.velocities[:, 2]))[-3:].mean()
-    return max(0.7 * float(along), 1e-4), max(0.7 * float(turning), 1e-3)
+    drift_m_s = able.floor[:, 2:][best].mean(axis=0)
+    return drift_m_s, max(float(along[best].mean()), 1e-4), max(_UNHINDERED * float(turning), 1e-3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,8 +240,8 @@ class _Nodes:
 class _Search:
     goal: Goal
     start: Array
-    drift_m_s: Array
     border: Border | None
+    drift_m_s: Array
     speed_m_s: float
     turning_rad_s: float
 
@@ -228,7 +251,7 @@ class _Search:
         dx, dy = goal.x_m - x_m, goal.y_m - y_m
         away_m = np.hypot(dx, dy)
         helped = (dx * self.drift_m_s[0] + dy * self.drift_m_s[1]) / np.maximum(away_m, 1e-6)
-        speed = np.maximum(self.speed_m_s + helped, 0.3 * self.speed_m_s)
+        speed = _UNHINDERED * np.maximum(self.speed_m_s + helped, 0.2 * self.speed_m_s)
         off_m = np.sqrt(away_m**2 + (_SIDEWAYS * spread_m) ** 2)
         rest: Array = np.maximum(off_m - 0.7 * goal.within_m, 0.0) / speed
         misses = off_m > goal.within_m
@@ -241,15 +264,14 @@ class _Search:
 
     def expanded(self, nodes: _Nodes, actions: _Actions, width: int) -> _Nodes:
         """Return the best nodes that are one action further."""
-        cosine, sine = np.cos(nodes.pose[:, 2])[:, None], np.sin(nodes.pose[:, 2])[:, None]
-        own, drift = actions.own_m, actions.drift_m
-        x = nodes.pose[:, :1] + (cosine * own[:, 0] - sine * own[:, 1] + drift[:, 0])
-        y = nodes.pose[:, 1:2] + (sine * own[:, 0] + cosine * own[:, 1] + drift[:, 1])
-        yaw = nodes.pose[:, 2:] + actions.turn_rad
+        turn_rad = actions.turned(nodes.pose[:, 2:])
+        x, y = self._places(nodes, actions, turn_rad, 1.0)
+        yaw = nodes.pose[:, 2:] + turn_rad
         time_s = nodes.time_s[:, None] + actions.cost_s
         cost = time_s + self.rest_s(x, y, yaw, actions.spread_m)
         if self.border is not None:
-            cost[self._crossing(nodes, actions, cosine, sine, x, y)] = np.inf
+            halfway = self._places(nodes, actions, 0.5 * turn_rad, 0.5)
+            cost[self._crossing(actions, halfway, x, y)] = np.inf
         flat = cost.ravel()
         chosen = np.argpartition(flat, width)[:width] if flat.size > width else np.arange(flat.size)
         chosen = chosen[np.isfinite(flat[chosen])]
@@ -257,17 +279,21 @@ class _Search:
         pose = np.stack([x.ravel()[chosen], y.ravel()[chosen], yaw.ravel()[chosen]], axis=1)
         return _Nodes(pose, time_s.ravel()[chosen], flat[chosen], actions.spread_m[action], parent, action)
 
-    def _crossing(
-        self, nodes: _Nodes, actions: _Actions, cosine: Array, sine: Array, x: Array, y: Array
-    ) -> NDArray[np.bool_]:
+    @staticmethod
+    def _places(nodes: _Nodes, actions: _Actions, turn_rad: Array, share: float) -> tuple[Array, Array]:
+        """Return x and y after a share of each action, shape (nodes, actions)."""
+        cosine, sine = np.cos(nodes.pose[:, 2:]), np.sin(nodes.pose[:, 2:])
+        own_x, own_y = _chord(share * actions.own_m[:, 0], share * actions.own_m[:, 1], turn_rad)
+        x = nodes.pose[:, :1] + (cosine * own_x - sine * own_y + share * actions.drift_m[:, 0])
+        y = nodes.pose[:, 1:2] + (sine * own_x + cosine * own_y + share * actions.drift_m[:, 1])
+        return x, y
+
+    def _crossing(self, actions: _Actions, halfway: tuple[Array, Array], x: Array, y: Array) -> NDArray[np.bool_]:
         """Return which actions end beyond the border or go through it, or might."""
         assert self.border is not None
-        half = actions.halfway_m
-        x_half = nodes.pose[:, :1] + (cosine * half[:, 0] - sine * half[:, 1] + 0.5 * actions.drift_m[:, 0])
-        y_half = nodes.pose[:, 1:2] + (sine * half[:, 0] + cosine * half[:, 1] + 0.5 * actions.drift_m[:, 1])
         margin_m = np.minimum(actions.spread_m, 0.03)
         ends_inside = self.border.holds(x, y, margin_m, self.start)
-        return ~(ends_inside & self.border.holds(x_half, y_half, 0.5 * margin_m, self.start))
+        return ~(ends_inside & self.border.holds(*halfway, 0.5 * margin_m, self.start))
 
 
 def _best(layers: list[_Nodes], first: _Actions, menu: _Actions) -> Plan:

@@ -7,19 +7,20 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Gait, Trial
-from vvvaltr.transfer.steering.belief import Belief, drives
+from vvvaltr.transfer.steering.belief import FLOOR_TURN, Belief, drives
 from vvvaltr.transfer.steering.passage import STEADY_S, Passage, passage, start_delay_s
 
 _USUAL_SCATTER = 0.4  # of a movement, from trial to trial, before repeats have said more
 _USUAL_DELAY_S = 0.25
 _WEIGHT = 4.0  # of what is usual, in repeats
 _LEAST = np.array([0.0007, 0.0007, 0.02])  # scatter of a gait that hardly moves
+_NEARLY_LEVEL = 0.3  # of what the floor adds to turns elsewhere, where a repertoire is learned
 _FLOOR = 0.5  # the floor's drift over the usual speed, before anything is known
 
 
@@ -86,11 +87,12 @@ class Repertoire:
     def belief(self) -> Belief:
         """Return all of it as one Gaussian, with the drift of the last floor taken for exact."""
         n = len(self.movements)
-        covariance = np.zeros((3 * n + 2, 3 * n + 2))
+        mean, covariance = np.zeros(5 * n + 2), np.zeros((5 * n + 2, 5 * n + 2))
+        mean[:-2].reshape(-1, 5)[:, :3], mean[-2:] = self.velocities, self.drift_m_s
         for index, movement in enumerate(self.movements):
-            covariance[3 * index : 3 * index + 3, 3 * index : 3 * index + 3] = movement.covariance
+            covariance[5 * index : 5 * index + 3, 5 * index : 5 * index + 3] = movement.covariance
         scatter = np.array([movement.scatter for movement in self.movements]).reshape(-1, 3)
-        return Belief(np.append(self.velocities.ravel(), self.drift_m_s), covariance, scatter, drives(self.gaits))
+        return Belief(mean, covariance, scatter, drives(self.gaits))
 
 
 def learn_repertoire(runs: Iterable[Sequence[Trial]], base: Repertoire = Repertoire()) -> Repertoire:
@@ -108,14 +110,15 @@ def learn_repertoire(runs: Iterable[Sequence[Trial]], base: Repertoire = Reperto
     gaits = tuple(dict.fromkeys([*base.gaits, *(gait for run in driven for gait, _, _ in run)]))
     place = {gait: index for index, gait in enumerate(gaits)}
     belief = _vague(base, gaits, driven)
-    scale = float(np.hypot(*_sizes(belief.movements, driven)[:2]))
+    size = _sizes(belief.movements, driven)
+    drift_m_s = _FLOOR * float(np.hypot(*size[:2]))
     counts = np.array([movement.trials for movement in base.movements] + [0] * (len(gaits) - len(base.gaits)))
     for run in driven:
-        belief = _on_new_floor(belief, _FLOOR * scale)
+        belief = belief.on_new_floor(drift_m_s, _NEARLY_LEVEL * FLOOR_TURN * float(size[2]))
         for gait, seen, _ in run:
             belief, _ = belief.observed(place[gait], seen)
             counts[place[gait]] += 1
-    blocks = [slice(3 * index, 3 * index + 3) for index in range(len(gaits))]
+    blocks = [slice(5 * index, 5 * index + 3) for index in range(len(gaits))]
     movements = tuple(
         LearnedMovement(gait, belief.mean[block], belief.covariance[block, block], scatter, int(count))
         for gait, block, scatter, count in zip(gaits, blocks, belief.scatter, counts, strict=True)
@@ -149,9 +152,10 @@ def _vague(base: Repertoire, gaits: tuple[Gait, ...], driven: list[list[_Driven]
     known = base.belief()
     size = _sizes(known.movements, driven)
     n, old = len(gaits), len(base.gaits)
-    mean, covariance = np.zeros(3 * n + 2), np.diag(np.append(np.tile((1.5 * size) ** 2, n), [0.0, 0.0]))
-    mean[: 3 * old] = known.mean[:-2]
-    covariance[: 3 * old, : 3 * old] = known.covariance[:-2, :-2]
+    usual = np.append((1.5 * size) ** 2, [0.0, 0.0])
+    mean, covariance = np.zeros(5 * n + 2), np.diag(np.append(np.tile(usual, n), [0.0, 0.0]))
+    mean[: 5 * old] = known.mean[:-2]
+    covariance[: 5 * old, : 5 * old] = known.covariance[:-2, :-2]
     return Belief(mean, covariance, _scatter(known, gaits, driven), drives(gaits))
 
 
@@ -202,12 +206,3 @@ def _raw(seen: Passage) -> Array:
     """Return the mean velocity of one trial in the robot's frame, with the floor's drift in it."""
     own = np.einsum("kji,kj->i", seen.rotation, seen.moved_m) / seen.total_s
     return np.append(own, seen.turned_rad / seen.total_s)
-
-
-def _on_new_floor(belief: Belief, deviation_m_s: float) -> Belief:
-    """Return the belief with a drift of which nothing is known."""
-    mean, covariance = belief.mean.copy(), belief.covariance.copy()
-    mean[-2:] = 0.0
-    covariance[-2:, :] = covariance[:, -2:] = 0.0
-    covariance[-2:, -2:] = deviation_m_s**2 * np.eye(2)
-    return replace(belief, mean=mean, covariance=covariance)

@@ -97,7 +97,7 @@ def test_every_primitive_says_where_it_was_to_lead(repertoire: Repertoire) -> No
     assert step is not None
     assert step.goal_m == (0.15, 0.0)
     assert step.plan[0] == recorded[0].trial.gait
-    assert step.predicted.forward_m == pytest.approx(0.15, abs=0.1)
+    assert 0.02 < step.predicted.forward_m < 0.2
     assert recorded[0].movement is not None
 
 

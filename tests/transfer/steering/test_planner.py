@@ -14,7 +14,9 @@ START = np.zeros(3)
 
 
 def able(drift_m_s: tuple[float, float] = (0.0, 0.0), deviations: np.ndarray = SURE) -> Abilities:
-    return Abilities(VELOCITIES, deviations, np.tile(drift_m_s, (len(VELOCITIES), 1)), delay_s=0.2, pause_s=0.3)
+    return Abilities(
+        VELOCITIES, deviations, np.tile([0.0, 0.0, *drift_m_s], (len(VELOCITIES), 1)), delay_s=0.2, pause_s=0.3
+    )
 
 
 def followed(steps: tuple[tuple[int, float], ...], drift_m_s: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
@@ -62,7 +64,7 @@ def test_of_two_movements_with_the_same_mean_the_surer_one_is_driven() -> None:
     velocities = np.array([[0.02, 0.0, 0.0], [0.02, 0.0, 0.0]])
     deviations = np.array([[0.01, 0.01, 0.1], [0.0005, 0.0005, 0.01]])
 
-    way = plan(START, Goal(0.06, 0.0), Abilities(velocities, deviations, np.zeros_like(velocities[:, :2]), 0.2, 0.3))
+    way = plan(START, Goal(0.06, 0.0), Abilities(velocities, deviations, np.zeros((2, 4)), 0.2, 0.3))
 
     assert way.steps[0][0] == 1
 
@@ -87,7 +89,7 @@ def test_where_every_movement_would_cross_the_border_there_is_no_plan() -> None:
 
 
 def test_a_movement_underway_goes_on_where_it_leads_to_the_goal_and_not_where_it_leads_away() -> None:
-    ahead, behind, on = Goal(0.1, 0.0), Goal(-0.1, 0.0), np.append(VELOCITIES[0], [0.0, 0.0])
+    ahead, behind, on = Goal(0.1, 0.0), Goal(-0.1, 0.0), np.append(VELOCITIES[0], np.zeros(4))
 
     assert plan(START, ahead, able(), underway=on).steps[0][0] == -1
     assert plan(START, behind, able(), underway=on).steps[0][0] != -1
@@ -100,3 +102,19 @@ def test_travel_is_the_integral_of_a_velocity_that_turns_with_the_robot() -> Non
     cos, sin = np.cos(0.5 * steps), np.sin(0.5 * steps)
     assert turn_rad == pytest.approx(2.0)
     assert moved_m == pytest.approx([0.001 * (0.02 * cos - 0.01 * sin).sum(), 0.001 * (0.02 * sin + 0.01 * cos).sum()])
+
+
+def test_a_turn_that_depends_on_the_heading_is_foreseen() -> None:
+    velocities, floor = (
+        np.array([[0.02, 0.0, 0.0]]),
+        np.array([[0.0, 0.3, 0.0, 0.0]]),
+    )  # 0.3 rad/s at a heading of 90 deg
+    x, y, yaw = start = np.array([0.0, 0.0, 0.3])
+
+    way = plan(start, Goal(0.08, 0.06), Abilities(velocities, np.zeros((1, 3)), floor, 0.0, 0.3))
+
+    for _ in range(round(1000 * way.steps[0][1])):
+        x, y = x + 0.001 * 0.02 * math.cos(yaw), y + 0.001 * 0.02 * math.sin(yaw)
+        yaw += 0.001 * 0.3 * math.sin(yaw)
+    assert yaw > 0.5
+    assert way.poses[0] == pytest.approx([x, y, yaw], abs=0.05)

@@ -41,7 +41,7 @@ def test_each_run_has_a_floor_of_its_own() -> None:
 def test_repeats_make_a_movement_surer() -> None:
     once, often = (learn_repertoire([tried(GlidingRobot(), repeats)]) for repeats in (1, 4))
 
-    assert (often.movements[0].deviation < once.movements[0].deviation).all()
+    assert (often.movements[0].deviation[:2] < 0.5 * once.movements[0].deviation[:2]).all()
 
 
 def test_what_measured_nothing_is_no_observation() -> None:
@@ -117,7 +117,7 @@ def test_another_body_is_learned_from_a_drive_or_two_of_each_movement() -> None:
 
     belief = drive(knowledge, GlidingRobot(damaged), 2)
 
-    assert belief.movements == pytest.approx(np.array(list(damaged.values())), abs=0.02)
+    assert belief.movements == pytest.approx(np.array(list(damaged.values())), abs=0.03)
     assert belief.movements[:, :2] == pytest.approx(np.array(list(damaged.values()))[:, :2], abs=0.004)
 
 
@@ -133,6 +133,27 @@ def test_one_bad_trial_does_no_harm() -> None:
 def test_the_floor_carries_a_weakly_driven_movement_less() -> None:
     belief = learn_repertoire([tried(GlidingRobot(drift_m_s=(-0.01, 0.0)), repeats=4)]).belief()
 
-    drift_m_s = [belief.underway(movement, None)[0][3] for movement in range(len(GAITS))]
+    drift_m_s = [belief.floor[movement, 2] for movement in range(len(GAITS))]
 
     assert drift_m_s == pytest.approx([-0.01 * relative_drive(gait) for gait in GAITS], abs=0.002)
+
+
+def test_a_turn_that_depends_on_the_heading_is_learned_while_going() -> None:
+    class Tilted(GlidingRobot):
+        """A robot that its first movement turns the more, the more it heads along y."""
+
+        def _glide(self, duration_s: float) -> None:
+            super()._glide(duration_s)
+            if self.is_running and self.gait == GAITS[0]:
+                self.yaw_rad += 0.2 * np.sin(self.yaw_rad) * duration_s
+
+        def place(self, trial: int) -> None:
+            super().place(trial)
+            self.yaw_rad = 0.5 * trial
+
+    knowledge = Knowledge(learn_repertoire([tried(GlidingRobot(), 3)]))
+
+    belief = drive(knowledge, Tilted(drift_m_s=(-0.01, 0.0)), 5)
+
+    assert belief.floor[0, :2] == pytest.approx([0.0, 0.2], abs=0.06)
+    assert belief.movements[0, 2] == pytest.approx(0.02, abs=0.06)
