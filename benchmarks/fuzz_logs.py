@@ -32,7 +32,7 @@ Entries = list[tuple[str, Message]]
 _NUMBERS = (math.nan, math.inf, 1e308, -1e12, 0.0, -1.0)
 _TEXTS = ("", "nonsense", "\x1b[2J\u202e", "x" * 200_000)
 _MANY = 100_000
-_SLOW_S = 10.0
+_SLOW_S, _HUNG_S, _MOST_MB = 10.0, 120.0, 300.0  # of the processor, by the clock, and of memory at most
 
 
 def make_run(folder: Path) -> Path:
@@ -133,20 +133,34 @@ def try_commands(run: Path, scratch: Path) -> Iterator[str]:
         "resume": ["learn", "--resume", str(run), "--trials", "4", "--no-recording", "--quiet"],
     }  # fmt: skip
     for name, command in commands.items():
-        out, told, begin_s = io.StringIO(), io.StringIO(), time.perf_counter()
+        out, told, begin_s, work_s = io.StringIO(), io.StringIO(), time.perf_counter(), time.process_time()
+        _forget_peak()
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(told):
             try:
                 status = vvvaltr(command)
             except SystemExit as end:
                 status = int(end.code or 0)
-        took_s = time.perf_counter() - begin_s
+        took_s, worked_s, peak_mb = time.perf_counter() - begin_s, time.process_time() - work_s, _peak_mb()
         lines = told.getvalue()
         if status not in (0, 1, 2) or "defect" in lines or "Traceback" in lines or len(lines.splitlines()) > 1:
             yield f"{name}: status {status}: {lines[-400:]}"
         if "\x1b" in lines + out.getvalue():
             yield f"{name}: a control character on the terminal"
-        if took_s > _SLOW_S:
-            yield f"{name}: {took_s:.1f} s"
+        if worked_s > _SLOW_S or took_s > _HUNG_S:
+            yield f"{name}: {worked_s:.1f} s of processor, {took_s:.1f} s"
+        if peak_mb > _MOST_MB:
+            yield f"{name}: {peak_mb:.0f} MB"
+
+
+def _forget_peak() -> None:
+    """Let the greatest memory of this process be counted anew."""
+    Path("/proc/self/clear_refs").write_text("5")
+
+
+def _peak_mb() -> float:
+    """Return the greatest memory of this process since then, in MB."""
+    line = next(it for it in Path("/proc/self/status").read_text().splitlines() if it.startswith("VmHWM:"))
+    return int(line.split()[1]) * 1024 / 1e6
 
 
 def campaign(count: int, seed: int) -> list[str]:

@@ -32,6 +32,8 @@ def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--robot", choices=TWINS, default="planar", metavar="NAME",
                         help="twin that the motors move: planar or spatial (default planar)")  # fmt: skip
     parser.add_argument("--tracker", default="stream", metavar="KIND", help="tracker that sees it (default stream)")
+    parser.add_argument("--pose-rate", type=number(above=0.0, high=100.0), metavar="HZ", default=50.0,
+                        help="how often the tracker sends a pose (default 50; a common camera: 30)")  # fmt: skip
     parser.add_argument("--max-hz", type=number(above=0), metavar="HZ",
                         help="what its motors reach (node, odrive; default 16.5)")  # fmt: skip
     parser.add_argument("--firmware", default="", metavar="NAME",
@@ -71,6 +73,7 @@ def _execute(arguments: Namespace) -> Answer | None:
                 arguments.tracker,
                 arguments.max_hz,
                 arguments.firmware,
+                arguments.pose_rate,
             )
         leaving.callback(mock.close)
         as_json = arguments.json or not os.isatty(_STDOUT)

@@ -16,7 +16,7 @@ from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.robot.robot_file import HandTable, RobotFile, SearchTable
 from vvvaltr.drivers.mocking.faults import Fault
 from vvvaltr.drivers.mocking.hand import MockHand
-from vvvaltr.drivers.mocking.moving_twin import MovingTwin
+from vvvaltr.drivers.mocking.moving_twin import POSE_RATE_HZ, MovingTwin
 from vvvaltr.drivers.mocking.plugged import PluggedDevice
 from vvvaltr.drivers.registry import DRIVERS, MockLine
 from vvvaltr.drivers.table import LineTable, TrackerTable
@@ -62,6 +62,7 @@ def open_mock(
     tracker: str = "stream",
     max_hz: float | None = None,
     firmware: str = "",
+    pose_rate_hz: float = POSE_RATE_HZ,
 ) -> Mock:
     """Plug in a mock and write its robot's file beside ``link``.
 
@@ -74,6 +75,7 @@ def open_mock(
         tracker: the kind of tracker that sees the robot.
         max_hz: what the motors reach; None for the mock's usual 16.5 Hz.
         firmware: what the device runs, where there is a choice; empty for the usual one.
+        pose_rate_hz: how often the tracker is shown the robot; one with pictures has a rate of its own.
 
     Raises:
         UserError: the file would overwrite one of yours, or there is no such mock.
@@ -92,7 +94,7 @@ def open_mock(
         undo.callback(feed.feed.close)
         moved = _twin(twin).make()
         hand = MockHand(lambda x_m, y_m, yaw_rad: moved.put_down(Start(x_m, y_m, yaw_rad)))
-        motion = MovingTwin(moved, feed.feed, hand)
+        motion = MovingTwin(moved, feed.feed, hand, pose_rate_hz)
         undo.callback(motion.close)
         mock = Mock(PluggedDevice(line.device, line.port, motion, faults), line.port.name, robot_file, feed.address)
         undo.callback(robot_file.unlink, missing_ok=True)

@@ -13,21 +13,27 @@ from vvvaltr.drivers.mocking.hand import MockHand
 from vvvaltr.drivers.mocking.pose_faults import PoseFaults
 from vvvaltr.drivers.trackers.registry import PoseFeed
 
-_POSE_PERIOD_S = 0.02
+POSE_RATE_HZ = 50.0
+"""How often a mock shows its robot to the tracker, where nothing else is asked."""
+
 _SHORTEST_STEP_S = 0.01  # finer than a tracker resolves; shorter steps would delay the next byte
 _LONGEST_STEP_S = 0.05  # a mock that was held up for longer skips the rest
 
 
 class MovingTwin:
-    """Moves a twin at the frequencies that the device applies, and shows its pose to a tracker 50 times a second.
+    """Moves a twin at the frequencies that the device applies, and shows its pose to a tracker.
 
     Args:
         twin: the robot; it is not put back between trials.
         feed: shows its poses to the tracker.
         hand: puts the twin back when it is asked to; None for nobody.
+        pose_rate_hz: how often its pose is shown.
     """
 
-    def __init__(self, twin: Robot, feed: PoseFeed, hand: MockHand | None = None) -> None:
+    def __init__(
+        self, twin: Robot, feed: PoseFeed, hand: MockHand | None = None, pose_rate_hz: float = POSE_RATE_HZ
+    ) -> None:
+        self._pose_period_s = 1.0 / pose_rate_hz
         self._hand = hand
         self._twin = twin
         self._feed = feed
@@ -49,7 +55,7 @@ class MovingTwin:
         except DeviceFault:
             self._twin.place(0)  # the physics diverged: place the robot anew
         if now_s >= self._next_pose_s:
-            self._next_pose_s = max(self._next_pose_s + _POSE_PERIOD_S, now_s)
+            self._next_pose_s = max(self._next_pose_s + self._pose_period_s, now_s)
             if (shown := self.faults.shown(replace(self._twin.tracker.pose(), t_s=now_s))) is None:
                 self._feed.send_lost(now_s)
             else:

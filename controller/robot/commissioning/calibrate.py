@@ -17,6 +17,7 @@ from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.robot.commissioning.track import LEAST_RATE_HZ, look, sight
 from vvvaltr.controller.robot.commissioning.vibration import (
     Peak,
+    Spectrum,
     find_peak,
     followed_hz,
     measure_spectrum,
@@ -35,7 +36,9 @@ _SLOWEST_SEEN, _SLOWEST_MEASURED = 0.2, 0.12  # of the greatest command
 _OFF_HZ = 0.1
 _LOOK_S, _LOOK_POSES = 1.5, 75.0
 _SLOWER = 0.85  # of a command: a motor that is seen for what it is turns slower there
+_LEAST_SLOWER = 0.5  # of the frequency there: what is below is no motor, but the robot's walk
 _NEAR_LIMIT = 0.95  # a motor may be a little faster than its former curve tells
+_ATTEMPTS = 3  # a motor may stand still now and then
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,13 +135,16 @@ def measure_motors(
     slowest = _SLOWEST_MEASURED if robot.motors.state().measured else _SLOWEST_SEEN
     for motor, top in enumerate(greatest):
         measurement = _Measurement(robot, motor, seconds, ask)
-        if reach is not None and ask is None:
-            measurement.check_reach(top, reach)
-        for step in range(points):
-            command = top * (1.0 - (1.0 - slowest) * step / (points - 1))
-            # A board's own speeds are whole numbers, and large; frequencies are neither.
-            command = float(round(command)) if top > 100.0 else round(command, 2)
+        commands = [_round(top * (1.0 - (1.0 - slowest) * step / (points - 1))) for step in range(points)]
+        if ask is None and not robot.motors.state().measured:
+            measurement.find(commands[0], reach)
+        for command in commands:
             yield Reading(motor, command, measurement.frequency_hz(command))
+
+
+def _round(command: float) -> float:
+    """Return a command without needless digits: a board's own speeds are whole, and large; frequencies are neither."""
+    return float(round(command)) if command > 100.0 else round(command, 2)
 
 
 class _Measurement:
@@ -162,39 +168,53 @@ class _Measurement:
             states = record_states(motors, gait, settle_s, self._seconds / 3.0)
             mean_hz = sum(abs(state.frequency_hz[self._motor]) for state in states) / len(states)
             return mean_hz if mean_hz > _OFF_HZ else math.nan
-        return self._seen_hz(command, gait)
+        return self._seen_hz(command)
 
-    def check_reach(self, top: float, reach: Reach) -> None:
-        """Raise UserError if the motor seems to turn faster at a smaller command.
+    def find(self, top: float, reach: Reach | None) -> None:
+        """Find the motor at its greatest command, where a smaller one shows that it turns slower, as it must.
 
-        A frequency f above half the pose rate r shows as r - f, which rises where f falls.
+        Raises:
+            UserError: the motor does not seem to turn slower at the smaller command. A frequency f above half the pose
+                rate r shows as r - f, which rises where f falls.
         """
-        fast_hz, slow_hz = self._alone_hz(top), self._alone_hz(_SLOWER * top)
-        if slow_hz > fast_hz or fast_hz > reach.limit_hz / _NEAR_LIMIT:
+        limit_hz = math.inf if reach is None else reach.limit_hz / _NEAR_LIMIT
+        was_seen = False
+        for _ in range(_ATTEMPTS):
+            fast, slow = self._look(top), self._look(_SLOWER * top)
+            was_seen = was_seen or fast is not None
+            if fast is None or slow is None or fast.frequency_hz > limit_hz:
+                continue
+            if _LEAST_SLOWER * fast.frequency_hz < slow.frequency_hz <= fast.frequency_hz:
+                self._shape, self._last = fast, (top, fast.frequency_hz)
+                return
+        if reach is not None and was_seen:
             raise UserError(
-                f"motor {self._motor + 1} turns faster than {reach.rate_hz:.0f} poses/s can show; let the tracker send "
-                "more, give the motor a smaller max_hz, or measure by other means (--ask)"
+                f"motor {self._motor + 1} seems to turn faster than {reach.rate_hz:.0f} poses/s can show; let the "
+                "tracker send more, give the motor a smaller max_hz, or measure by other means (--ask)"
             )
 
-    def _alone_hz(self, command: float) -> float:
-        """Return the frequency at a command, wherever it is; NaN if none is clear."""
-        gait = self._gait(command)
-        seen = measure_spectrum(record_poses(self._robot.motors, self._robot.tracker, gait, _SETTLE_S, self._seconds))
-        peak = find_peak(seen, 2.0, math.inf)
-        return peak.frequency_hz if peak.clarity > _CLEAR else math.nan
+    def _look(self, command: float) -> Peak | None:
+        """Return the vibration at a command, wherever it is; None if none is clear."""
+        peak = find_peak(self._record(command), 2.0, math.inf)
+        return peak if peak.clarity > _CLEAR else None
+
+    def _record(self, command: float) -> Spectrum:
+        motors, tracker = self._robot.motors, self._robot.tracker
+        return measure_spectrum(record_poses(motors, tracker, self._gait(command), _SETTLE_S, self._seconds))
 
     def _gait(self, command: float) -> Gait:
         commands = [0.0] * self._robot.motors.motor_count
         commands[self._motor] = command
         return Gait(tuple(commands))
 
-    def _seen_hz(self, command: float, gait: Gait) -> float:
-        seen = measure_spectrum(record_poses(self._robot.motors, self._robot.tracker, gait, _SETTLE_S, self._seconds))
+    def _seen_hz(self, command: float) -> float:
+        if self._last is not None and self._last[0] == command:
+            return self._last[1]  # it was found there
         low_hz, high_hz = 2.0, math.inf
         if self._last is not None:  # slower than before, but not much slower than in proportion
             high_hz = 1.02 * self._last[1]
             low_hz = 0.6 * self._last[1] * command / self._last[0]
-        peak = find_peak(seen, low_hz, high_hz, self._shape)
+        peak = find_peak(self._record(command), low_hz, high_hz, self._shape)
         if peak.clarity < (_CLEAR_IN_SHAPE if self._shape else _CLEAR):
             return math.nan
         self._shape = self._shape or peak

@@ -6,6 +6,7 @@ import errno
 import io
 import json
 import os
+import re
 import shutil
 import sys
 import time
@@ -141,61 +142,61 @@ def test_the_curve_of_a_motor_with_a_sensor_is_what_it_measures(
 
 @pytest.fixture(scope="module")
 def spatial_qik(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MockProcess]:
-    with MockProcess("qik", tmp_path_factory.mktemp("spatial") / "port", "--robot", "spatial") as mock:
+    with MockProcess(
+        "qik", tmp_path_factory.mktemp("spatial") / "port", "--robot", "spatial", "--pose-rate", "30"
+    ) as mock:
         yield mock
 
 
-def every_second(number: int, message: dict[str, Any]) -> dict[str, Any] | None:
-    return message if number % 2 else None
-
-
-def test_a_slow_tracker_passes_with_a_warning_that_names_the_rate_it_would_take(
-    spatial_qik: MockProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_tracker_of_30_hz_passes_with_a_warning_that_names_the_rate_it_would_take(
+    spatial_qik: MockProcess, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with relayed(Path(spatial_qik.greeting.robot_file), tmp_path / "robot.toml", every_second) as path:
-        status, data = answer(capsys, "check", path)
+    status, data = answer(capsys, "check", spatial_qik.greeting.robot_file)
 
     assert (status, data["passed"]) == (0, True)
     warnings = {check["name"]: check for check in data["checks"] if check["cure"]}
     assert set(warnings) == {"motor 1 speed", "motor 2 speed", "motor 3 speed"}
-    assert "25 poses/s show up to 11." in warnings["motor 1 speed"]["detail"]
+    assert re.match(r"(29|30|31) poses/s show up to 1[34]\.\d Hz", warnings["motor 1 speed"]["detail"])
     assert "let the tracker send 37 poses/s" in warnings["motor 1 speed"]["cure"]
 
 
-def test_a_slow_tracker_calibrates_up_to_what_it_can_show_and_limits_the_search_to_that(
+def test_with_a_tracker_of_30_hz_a_qik_is_calibrated_and_searched_up_to_13_5_hz(
     spatial_qik: MockProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with relayed(Path(spatial_qik.greeting.robot_file), tmp_path / "robot.toml", every_second) as path:
-        status, data = answer(capsys, "calibrate", path, "--points", "2", "--seconds", "2")
+    path = copied(spatial_qik, tmp_path)
+
+    status, data = answer(capsys, "calibrate", str(path), "--points", "2", "--seconds", "2")
 
     assert status == 0
-    assert data["limit_hz"] == pytest.approx(11.25, abs=0.3)
-    robot = load_robot_file(Path(path))
+    assert data["limit_hz"] == pytest.approx(13.5, abs=0.3)
+    robot = load_robot_file(path)
     for motor in robot.motors:
         command, frequency_hz = motor.curve[-1]
         assert frequency_hz == pytest.approx(CURVE.frequency_hz(command), abs=0.3)
         assert motor.max_hz <= data["limit_hz"]
+    assert robot.range_hz[1] == pytest.approx(13.5, abs=0.3)
     assert robot.range_hz[1] <= data["limit_hz"]
 
 
 def test_a_motor_that_would_be_taken_for_a_slower_one_is_refused_by_name(
     spatial_qik: MockProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its former curve says 11 Hz at full speed, and it turns at 16.5 Hz, which 25 poses a second show as 8.5 Hz."""
-    right, wrong = "[127.0, 16.5]]", "[127.0, 11.6]]"
-    file = tmp_path / "wrong.toml"
-    text = Path(spatial_qik.greeting.robot_file).read_text(encoding="utf-8")
-    text = text.replace(right, wrong).replace("[80.0, 11.5]", "[80.0, 8.0]").replace("[40.0, 6.0]", "[40.0, 4.2]")
-    text = text.replace("max_hz = 16.5", "max_hz = 11.6").replace("high_hz = 16.0", "high_hz = 11.0")
-    file.write_text(text, encoding="utf-8")
-    with relayed(file, tmp_path / "robot.toml", every_second) as path:
-        before = Path(path).read_bytes()
-        capsys.readouterr()
-        status = main(["calibrate", path, "--points", "2", "--seconds", "2"])
+    """Its former curve says 13 Hz at full speed, and it turns at 16.5 Hz, which 30 poses a second show as 13.5 Hz."""
+    path = copied(spatial_qik, tmp_path)
+    text = (
+        path.read_text(encoding="utf-8")
+        .replace("[127.0, 16.5]]", "[127.0, 13.2]]")
+        .replace("max_hz = 16.5", "max_hz = 13.2")
+    )
+    text = text.replace("[80.0, 11.5]", "[80.0, 9.2]").replace("[40.0, 6.0]", "[40.0, 4.8]")
+    path.write_text(text.replace("high_hz = 16.0", "high_hz = 13.0"), encoding="utf-8")
+    before = path.read_bytes()
+
+    status = main(["calibrate", str(path), "--points", "2", "--seconds", "2"])
 
     assert status == 1
-    assert "motor 1 turns faster than 25 poses/s can show" in capsys.readouterr().err
-    assert Path(path).read_bytes() == before
+    assert re.search(r"motor 1 seems to turn faster than \d+ poses/s can show", capsys.readouterr().err)
+    assert path.read_bytes() == before
 
 
 def test_poses_that_look_like_something_else_are_named_with_the_key_to_set(
