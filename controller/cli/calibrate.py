@@ -79,7 +79,7 @@ def _measure(robot_file: RobotFile, arguments: Namespace) -> tuple[Reach, list[R
             say(arguments, limit)
         ask = _asked_hz if arguments.ask else None
         look_s = max(arguments.seconds, reach.look_s)
-        run = measure_motors(robot, greatest, arguments.points, look_s, ask, reach if limit else None)
+        run = measure_motors(robot, greatest, arguments.points, look_s, reach, ask)
         points = len(greatest) * arguments.points
         return reach, list(bar(arguments, run, total=points, desc="calibrating", unit="point"))
 

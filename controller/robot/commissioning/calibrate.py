@@ -114,8 +114,8 @@ def measure_motors(
     greatest: Sequence[float],
     points: int,
     seconds: float,
+    reach: Reach,
     ask: Callable[[], float] | None = None,
-    reach: Reach | None = None,
 ) -> Iterator[Reading]:
     """Drive each motor alone, from its greatest command down, and yield its frequency at each.
 
@@ -124,8 +124,8 @@ def measure_motors(
         greatest: (motors,) the greatest commands.
         points: commands per motor, two or more.
         seconds: how long to look at each.
+        reach: how fast the motors may turn to be measured.
         ask: returns the frequency that a person measured by other means; None to measure it here.
-        reach: how fast the motors may turn to be measured; None for any.
 
     Raises:
         DeviceError: a device failed.
@@ -170,24 +170,23 @@ class _Measurement:
             return mean_hz if mean_hz > _OFF_HZ else math.nan
         return self._seen_hz(command)
 
-    def find(self, top: float, reach: Reach | None) -> None:
+    def find(self, top: float, reach: Reach) -> None:
         """Find the motor at its greatest command, where a smaller one shows that it turns slower, as it must.
 
         Raises:
             UserError: the motor does not seem to turn slower at the smaller command. A frequency f above half the pose
                 rate r shows as r - f, which rises where f falls.
         """
-        limit_hz = math.inf if reach is None else reach.limit_hz / _NEAR_LIMIT
         was_seen = False
         for _ in range(_ATTEMPTS):
             fast, slow = self._look(top), self._look(_SLOWER * top)
             was_seen = was_seen or fast is not None
-            if fast is None or slow is None or fast.frequency_hz > limit_hz:
+            if fast is None or slow is None or fast.frequency_hz > reach.limit_hz / _NEAR_LIMIT:
                 continue
             if _LEAST_SLOWER * fast.frequency_hz < slow.frequency_hz <= fast.frequency_hz:
                 self._shape, self._last = fast, (top, fast.frequency_hz)
                 return
-        if reach is not None and was_seen:
+        if was_seen:
             raise UserError(
                 f"motor {self._motor + 1} seems to turn faster than {reach.rate_hz:.0f} poses/s can show; let the "
                 "tracker send more, give the motor a smaller max_hz, or measure by other means (--ask)"

@@ -1,6 +1,7 @@
 """What a pose must be to count: near where the robot just was, upright in its units, and new."""
 
 import math
+from contextlib import nullcontext
 
 import pytest
 
@@ -91,6 +92,24 @@ def test_a_robot_whose_motors_are_off_is_not_seen_to_go_on() -> None:
         poses = PoseFilter(limits)
         poses.begin_at(average_at_rest([walk(0)]), 0.0)
         assert poses.accepts(Pose(0.3, (0.1, 0.0, 0.06)), motors_turn) is motors_turn
+
+
+def test_implausible_poses_end_the_trial_once_they_go_on_for_a_quarter_of_a_second() -> None:
+    poses = new_filter()
+    accepted(poses, [walk(n) for n in range(1, 50)])
+
+    assert accepted(poses, [walk(n, 0.5) for n in range(50, 56)]) == 0  # 0.24 s after the last good one
+    with pytest.raises(TrackingLost):
+        poses.accepts(walk(56, 0.5), True)
+
+
+@pytest.mark.parametrize(("bad", "of"), [(1, 3), (1, 2)])
+def test_more_than_two_fifths_of_implausible_poses_end_the_trial(bad: int, of: int) -> None:
+    poses = new_filter()
+    sequence = [walk(n, 0.5 if n % of < bad else 0.0) for n in range(1, 100)]
+
+    with nullcontext() if bad / of < 0.4 else pytest.raises(TrackingLost, match="of the last 8 poses"):
+        assert accepted(poses, sequence) == 66
 
 
 def test_two_bodies_in_turn_are_lost() -> None:

@@ -107,6 +107,28 @@ def test_the_controllers_death_stops_the_motors(mock: MockProcess) -> None:
     assert at_rest.watchdog
 
 
+@pytest.fixture
+def ending(request: pytest.FixtureRequest) -> signal.Signals:
+    """Return a signal, another one for each device."""
+    place = DEVICES.index(request.node.callspec.params["mock"])
+    return (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)[place % 3]
+
+
+def test_a_signal_that_ends_learning_stops_the_motors_at_once(
+    mock: MockProcess, ending: signal.Signals, tmp_path: Path
+) -> None:
+    robot = ("--robot", mock.greeting.robot_file, "--duration", "20", "--out", str(tmp_path / "run"))
+    with subprocess.Popen([*VVVALTR, "learn", *robot], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as learning:
+        mock.wait_until(lambda status: not status.is_at_rest, timeout_s=20.0)
+        learning.send_signal(ending)
+        at_rest = mock.wait_until(lambda status: status.is_at_rest, timeout_s=2.0)
+        _, told = learning.communicate()
+
+    assert not at_rest.watchdog
+    assert learning.returncode == 130
+    assert b"the run is saved" in told
+
+
 def test_a_lost_tracker_ends_the_trial_and_stops_the_motors(mock: MockProcess) -> None:
     with closing(open_hardware(load_robot_file(Path(mock.greeting.robot_file)))) as robot:
         robot.place(1)
