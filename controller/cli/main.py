@@ -15,7 +15,7 @@ from typing import Any
 from vvvaltr import __version__
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.parser import Details, Parser
-from vvvaltr.controller.cli.telling import add_telling_arguments, logs_on_standard_error
+from vvvaltr.controller.cli.telling import add_telling_arguments, logs_on_standard_error, to_whoever_listens
 from vvvaltr.controller.core.errors import DeviceError, NotUnderstood, TrackingLost, UserError
 from vvvaltr.controller.core.printable import printable
 from vvvaltr.controller.core.signals import interrupt_on_signals
@@ -142,7 +142,8 @@ def _print(answer: Answer | None, as_json: bool) -> int:
 
 
 def _fail(line: str, status: int) -> int:
-    print(printable("vvvaltr: " + " ".join(line.split())), file=sys.stderr, flush=True)
+    with to_whoever_listens():
+        print(printable("vvvaltr: " + " ".join(line.split())), file=sys.stderr, flush=True)
     return status
 
 

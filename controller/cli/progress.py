@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from vvvaltr.controller.cli.telling import bar, can_repaint, say, say_above
+from vvvaltr.controller.cli.telling import bar, can_repaint, say, say_above, to_whoever_listens
 from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.records import Verdict
 
@@ -58,7 +58,8 @@ class TrialProgress:
             self.warn(f"trial {logged.trial.number} was cut short: {logged.trial.reason}")
         self._done += 1
         self._bar.set_postfix_str(f"{_write_speeds(logged)}{self._write_failures()}", refresh=False)
-        self._bar.update()
+        with to_whoever_listens():
+            self._bar.update()
         if not can_repaint():
             left = f"; {_write_duration(self._estimate_left_s())} left" if self._done < self._total else ""
             say(self._arguments, f"trial {logged.trial.number}, {self._done} of {self._total}: "
@@ -72,7 +73,8 @@ class TrialProgress:
 
     def close(self) -> None:
         """Leave the bar as it is."""
-        self._bar.close()
+        with to_whoever_listens():
+            self._bar.close()
 
     def _estimate_left_s(self) -> float:
         each_s = (time.monotonic() - self._began_s) / (self._done - self._begun)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import sys
@@ -36,15 +37,27 @@ def can_repaint() -> bool:
     return sys.stderr.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
 
+@contextmanager
+def to_whoever_listens() -> Iterator[None]:
+    """Tell nothing where the terminal was closed: that ends the command by a signal, and must not by an error."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise
+
+
 def say(arguments: Namespace, line: str) -> None:
     """Tell the person one line, unless they asked for quiet."""
     if not arguments.quiet:
-        print(printable(line), file=sys.stderr, flush=True)
+        with to_whoever_listens():
+            print(printable(line), file=sys.stderr, flush=True)
 
 
 def say_above(progress: tqdm[Any], line: str) -> None:
     """Tell the person one line above a progress bar."""
-    progress.write(printable(line), sys.stderr)
+    with to_whoever_listens():
+        progress.write(printable(line), sys.stderr)
 
 
 def bar(arguments: Namespace, stream: Iterable[Any] | None = None, is_needed: bool = True, **more: Any) -> tqdm[Any]:
@@ -81,6 +94,10 @@ class _AboveTheBar(logging.Handler):
         self._told: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
+        with to_whoever_listens():
+            self._tell(record)
+
+    def _tell(self, record: logging.LogRecord) -> None:
         if getattr(record, "once", False):
             if record.getMessage() in self._told:
                 return

@@ -144,11 +144,30 @@ def test_a_terminal_that_closes_while_waiting_leaves_the_motors_at_rest_and_the_
     person.wait_for("trial 1: move")
 
     person.leave()
-    person.end()
 
+    assert person.end() == 130
     assert trials(out) == ()
     assert json.loads((out / "summary.json").read_text())["trials"] == 0
     assert mock.wait_until(lambda it: it.is_at_rest)
+
+
+def test_a_terminal_that_closes_in_a_drive_stops_the_motors_and_says_why_the_run_ended(
+    mock: MockProcess, tmp_path: Path
+) -> None:
+    out, events = tmp_path / "run", tmp_path / "events"
+    options = ["--no-hand", "--no-recording", "--duration", "20", "--out", str(out), "--events", str(events)]
+    person = Person("learn", "--robot", robot_file(mock), "--reposition", "never", *options)
+    person.wait_for("trial 1 drives")
+    mock.wait_until(lambda it: not it.is_at_rest)
+
+    person.leave()
+
+    assert mock.wait_until(lambda it: it.is_at_rest)
+    assert person.end() == 130
+    assert [logged.trial.outcome for logged in trials(out)] == [Outcome.INTERRUPTED]
+    end = json.loads(events.read_text().splitlines()[-1])
+    assert end == {"event": "end", "text": trials(out)[0].trial.reason}
+    assert end["text"] in ("SIGHUP", "the terminal was closed")
 
 
 def test_the_hand_of_a_mock_puts_it_back_without_anybody(mock: MockProcess, tmp_path: Path) -> None:
