@@ -22,7 +22,7 @@ from vvvaltr.transfer.bayes.trials import Trials
 MODEL_DOUBT_TRIALS = 15.0
 """Number of trials at which the model's own error is as large as the error it predicts; measured, docs/learning.md."""
 
-ROUGHNESS = 0.35
+ROUGHNESS = 0.25
 """Share of the learned noise that is taken to belong to a gait, and so to its true mean score; docs/learning.md."""
 
 RANDOM_START_EVERY = 5

@@ -37,5 +37,5 @@ def test_the_interval_is_wider_than_the_posteriors_by_what_few_trials_leave_open
     belief = believed([0.1, 0.5, 0.9], noise_variance)
     _, (variance,) = belief.posterior.predict(np.array([[0.3]]))
     estimate = belief.estimates(np.array([[0.3]]))[0]
-    half = 1.96 * belief.scale.unit() * np.sqrt(variance * (1.0 + 15.0 / 3) + 0.35 * noise_variance)
+    half = 1.96 * belief.scale.unit() * np.sqrt(variance * (1.0 + 15.0 / 3) + 0.25 * noise_variance)
     assert (estimate.high - estimate.low) / 2 == pytest.approx(half, rel=0.01)
