@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.transfer.experiments.campaign import PairUnits, list_transfer_methods, plan_checkpoints, plan_units
-from vvvaltr.transfer.experiments.statistics import Comparison, Interval, compare, holm, trials_to_level
+from vvvaltr.transfer.experiments.statistics import (
+    Comparison,
+    Gain,
+    Interval,
+    compare,
+    holm,
+    measure_gain,
+    trials_to_level,
+)
 from vvvaltr.transfer.experiments.store import Store
 from vvvaltr.transfer.experiments.thesis import Pair, list_pairs
 from vvvaltr.transfer.experiments.unit import Result, Step, Unit
@@ -84,6 +92,7 @@ class MethodFindings:
         p_holm: p of each of these comparisons, corrected for the number of methods.
         best_against_plain: comparison of the best observed score at the end, the thesis' measure.
         trials_to_plain_level: trials until ``plain_level_m_s`` is reached, see ``statistics.trials_to_level``.
+        over_drive: gain in true speed over ``drive``, at each checkpoint; none where ``drive`` was not run.
     """
 
     runs: Runs
@@ -91,6 +100,7 @@ class MethodFindings:
     p_holm: tuple[float, ...]
     best_against_plain: Comparison
     trials_to_plain_level: float
+    over_drive: tuple[Gain, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,6 +201,7 @@ def _compare_methods(runs: Mapping[str, Runs], random: np.random.Generator) -> d
         name: tuple(against_plain(name, it.true_m_s[:, :, i], plain.true_m_s[:, :, i]) for i in columns)
         for name, it in runs.items()
     }
+    over_drive = _gains_over_drive(runs, random)
     corrected = [dict(zip(rivals, holm([true[name][i].p for name in rivals]), strict=True)) for i in columns]
     return {
         name: MethodFindings(
@@ -199,8 +210,21 @@ def _compare_methods(runs: Mapping[str, Runs], random: np.random.Generator) -> d
             tuple(of_methods.get(name, 1.0) for of_methods in corrected),
             against_plain(name, it.best_m_s[:, :, -1], plain.best_m_s[:, :, -1]),
             trials_to_level(it.best_m_s.reshape(-1, it.best_m_s.shape[2]), level),
+            over_drive.get(name, ()),
         )
         for name, it in runs.items()
+    }
+
+
+def _gains_over_drive(runs: Mapping[str, Runs], random: np.random.Generator) -> dict[str, tuple[Gain, ...]]:
+    """Return the gains of all other methods: what a source gives beyond knowing that more drive moves more."""
+    if "drive" not in runs:
+        return {}
+    true = {name: it.true_m_s.mean(axis=1).T for name, it in runs.items()}
+    drive = true.pop("drive")
+    return {
+        name: tuple(measure_gain(ours, theirs, random) for ours, theirs in zip(values, drive, strict=True))
+        for name, values in true.items()
     }
 
 
@@ -233,6 +257,13 @@ def _method_json(pair: PairFindings, found: MethodFindings) -> dict[str, Any]:
         "effect": end.effect,
         "interval_coverage_percent": 100.0 * float(found.runs.covered.mean()),
         "interval_coverage_within_error_percent": 100.0 * float(found.runs.covered_within_error.mean()),
+        "over_drive": {
+            name: {
+                "gain_percent": it.gain_percent,
+                "interval_percent": [it.interval_percent.low, it.interval_percent.high],
+            }
+            for name, it in zip(names, found.over_drive, strict=bool(found.over_drive))
+        },
         "against_plain": {
             name: {
                 "gain_percent": it.gain_percent,

@@ -79,7 +79,8 @@ def to_markdown(found: Sequence[PairFindings]) -> str:
     parts = [*map(tables.to_markdown, tables.compare_with_thesis(found))]
     for it in found:
         parts.append(f"### {_title(it)}\n\n{_repeats(it)} of {it.checkpoints[-1]} trials. {it.pair.why}")
-        parts += [tables.to_markdown(tables.tabulate_true_speeds(it)), tables.to_markdown(tables.tabulate_verdicts(it))]
+        every = (tables.tabulate_true_speeds(it), *tables.tabulate_gains_over_drive(it), tables.tabulate_verdicts(it))
+        parts += map(tables.to_markdown, every)
     return "\n\n".join(parts)
 
 
@@ -115,6 +116,7 @@ def _section(store: Store, it: PairFindings, folder: Path) -> str:
                 "True mean speed of the recommended gait against the trial, with the 95 % band of the mean. "
                 "Grey: Plain-BO."),
         _table(tables.tabulate_true_speeds(it)),
+        *map(_table, tables.tabulate_gains_over_drive(it)),
         _figure(figures.draw_best_so_far(it), folder / f"{pair.key}-best-so-far.png",
                 "Best observed speed so far, as the thesis plots it. Dotted: final level of Plain-BO's median run; the "
                 "triangle is where the method's median run reaches it."),

@@ -22,6 +22,14 @@ class Interval:
 
 
 @dataclass(frozen=True, slots=True)
+class Gain:
+    """Excess of a method's mean over a baseline's in percent, with its 95 % interval by bootstrap over repeats."""
+
+    gain_percent: float
+    interval_percent: Interval
+
+
+@dataclass(frozen=True, slots=True)
 class Comparison:
     """A method compared with Plain-BO.
 
@@ -57,6 +65,11 @@ def compare(method: Array, plain: Array, random: np.random.Generator) -> Compari
         float(rank_biserial(method - plain.T).mean()),
         chance_of_as_much(gain, plain, random),
     )
+
+
+def measure_gain(method: Array, baseline: Array, random: np.random.Generator) -> Gain:
+    """Return the gain of a method's values (repeats,) over a baseline's (repeats,), whose repeats are paired."""
+    return Gain(gain_percent(method, baseline), gain_interval(method, baseline, random))
 
 
 def gain_percent(method: Array, baseline: Array) -> float:

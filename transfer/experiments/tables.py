@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from vvvaltr.transfer.experiments.findings import PairFindings
-from vvvaltr.transfer.experiments.statistics import Comparison
+from vvvaltr.transfer.experiments.statistics import Comparison, Gain
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,6 @@ class Table:
 
 def tabulate_true_speeds(found: PairFindings) -> Table:
     """Return the table of true mean speeds at the checkpoints, with gain over Plain-BO, interval and p."""
-    names = tuple("the end" if name == "end" else f"trial {name}" for name in found.checkpoint_names())
     rows = []
     for name, method in found.methods.items():
         cells = []
@@ -36,7 +35,18 @@ def tabulate_true_speeds(found: PairFindings) -> Table:
             cells.append(speed if name == "plain" else f"{speed} ({gain_text(it)}, p {p_text(p)})")
         rows.append((name, *cells))
     caption = "True mean speed in mm/s of the recommended gait, and its gain over Plain-BO with the 95 % interval"
-    return Table(caption, ("method", *names), tuple(rows))
+    return Table(caption, ("method", *_checkpoints(found)), tuple(rows))
+
+
+def tabulate_gains_over_drive(found: PairFindings) -> tuple[Table, ...]:
+    """Return a table of the gains over ``drive``, which has no source; none where it was not run."""
+    rows = [(name, *map(gain_text, method.over_drive)) for name, method in found.methods.items() if method.over_drive]
+    caption = "Gain in true mean speed over drive, which expects strong gaits to be fast and has no source"
+    return (Table(caption, ("method", *_checkpoints(found)), tuple(rows)),) if rows else ()
+
+
+def _checkpoints(found: PairFindings) -> tuple[str, ...]:
+    return tuple("the end" if name == "end" else f"trial {name}" for name in found.checkpoint_names())
 
 
 def tabulate_verdicts(found: PairFindings) -> Table:
@@ -98,7 +108,7 @@ def to_markdown(table: Table) -> str:
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in table.rows)])
 
 
-def gain_text(it: Comparison) -> str:
+def gain_text(it: Comparison | Gain) -> str:
     """Return a gain with its interval: ``+12 % [-3, +27]``."""
     return f"{it.gain_percent:+.0f} % [{it.interval_percent.low:+.0f}, {it.interval_percent.high:+.0f}]"
 

@@ -21,7 +21,7 @@ from vvvaltr.transfer.experiments.thesis import BODIES, GROUPS, find_pairs, list
 from vvvaltr.transfer.experiments.unit import Result, Settings, Step, Truth, open_condition, work
 
 QUICK = Settings(duration_s=0.5, starts=2, most_trials=6)
-METHODS = ("efficient", "optimistic")
+METHODS = ("drive", "efficient", "optimistic")
 
 
 @pytest.fixture(scope="module")
@@ -214,6 +214,17 @@ def test_findings_compare_every_method_with_plain(campaign: Store) -> None:
         100.0 * (methods["efficient"]["true_m_s"]["end"] / methods["plain"]["true_m_s"]["end"] - 1.0)
     )
     assert 0.0 <= methods["efficient"]["p"] <= 1.0
+
+
+def test_gains_are_told_over_drive_as_well(campaign: Store) -> None:
+    found = as_json(gather_findings(campaign))["1b"]["methods"]
+
+    assert set(found["efficient"]["over_drive"]) == set(found["plain"]["over_drive"]) == {"5", "end"}
+    assert found["efficient"]["over_drive"]["end"]["gain_percent"] == pytest.approx(
+        100.0 * (found["efficient"]["true_m_s"]["end"] / found["drive"]["true_m_s"]["end"] - 1.0)
+    )
+    assert found["drive"]["over_drive"] == {}
+    assert "Gain in true mean speed over drive" in to_markdown(gather_findings(campaign))
 
 
 def test_honest_intervals_hold_a_speed_measured_with_an_error_as_often_as_they_say() -> None:
