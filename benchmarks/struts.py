@@ -14,6 +14,7 @@ import signal
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -120,10 +121,13 @@ def _open(robot_file: Path) -> HeldMotors:
 
 
 def _drive_for_ever(robot_file: Path) -> None:
-    motors = _open(robot_file)
     while True:
-        motors.drive(_GAIT, 0.25)
-        time.sleep(0.04)
+        motors = _open(robot_file)
+        with suppress(DeviceError):  # as where this computer was held up
+            while True:
+                motors.drive(_GAIT, 0.25)
+                time.sleep(0.04)
+        motors.close()
 
 
 def _rest_s(observed: ObservedDevice, lost_s: float) -> float | None:

@@ -204,16 +204,20 @@ def _save_recording(run: Path, arguments: Namespace) -> None:
 def _prose(result: dict[str, Any]) -> str:
     from vvvaltr.controller.loop.summary import tell_causes
 
+    outcomes = ", ".join(f"{count} {name}" for name, count in result["outcomes"].items())
     lines = (
-        *_prose_of_best(result["recommended"]),
-        f"trials     {result['trials']} ({', '.join(f'{count} {name}' for name, count in result['outcomes'].items())})",
+        *_prose_of_best(result),
+        f"trials     {result['trials']}" + (f" ({outcomes})" if outcomes else ""),
         f"run        {result['run']}",
         f"view it    vvvaltr view {result['run']}" + ("" if has_rerun() else ' (needs pip install "vvvaltr[rerun]")'),
     )
     return "\n".join((*lines, *(f"{word:10} {sentence}" for word, sentence in tell_causes(result))))
 
 
-def _prose_of_best(best: dict[str, Any] | None) -> tuple[str, ...]:
+def _prose_of_best(result: dict[str, Any]) -> tuple[str, ...]:
+    best = result["recommended"]
+    if result["best_observed"] is None:
+        return ("best gait  not known: no trial has measured anything yet",)
     if best is None:
         return ("best gait  not known: this method has no model; --confirm KxR repeats the best K gaits to find out",)
     return (

@@ -42,7 +42,7 @@ class Person:
     def press(self, keys: str) -> None:
         os.write(self._terminal, keys.encode())
 
-    def wait_for(self, words: str, timeout_s: float = 20.0) -> None:
+    def wait_for(self, words: str, timeout_s: float = 60.0) -> None:
         """Wait until the program says ``words``, which it has not said before."""
         until_s, seen = time.monotonic() + timeout_s, ""
         while words not in seen:
@@ -134,6 +134,17 @@ def test_a_long_pause_lets_go_of_the_line_and_takes_it_up_again(mock: MockProces
 
     assert person.end() == 0, person.said
     assert [logged.trial.outcome for logged in trials(out)] == [Outcome.COMPLETED]
+
+
+def test_a_run_that_ends_before_its_first_trial_says_so_and_blames_no_method(mock: MockProcess, tmp_path: Path) -> None:
+    options = ["--no-hand", "--no-recording", "--out", str(tmp_path / "run")]
+    person = Person("learn", "--robot", robot_file(mock, START), *options)
+    person.wait_for("trial 1: move")
+    person.press("e")
+
+    assert person.end() == 0
+    assert "best gait  not known: no trial has measured anything yet" in person.said
+    assert "trials     0\r\n" in person.said
 
 
 def test_a_terminal_that_closes_while_waiting_leaves_the_motors_at_rest_and_the_run_saved(
