@@ -141,7 +141,7 @@ def _straightest(repertoire: Repertoire) -> Gait:
     """Return the gait that gets farthest from its start in 5 s."""
     import numpy as np
 
-    from vvvaltr.transfer.steering.planner import travel
+    from vvvaltr.transfer.steering.arcs import travel
 
     chord_m, _ = travel(repertoire.velocities, np.full(len(repertoire.gaits), 5.0))
     return repertoire.gaits[int(np.argmax(np.hypot(chord_m[:, 0], chord_m[:, 1])))]

@@ -24,7 +24,7 @@ from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.steersman import PrimitiveSettings, primitive_settings
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
-from vvvaltr.transfer.steering.planner import travel
+from vvvaltr.transfer.steering.arcs import travel
 from vvvaltr.transfer.steering.repertoire import Repertoire
 
 ORIGIN = "jog"

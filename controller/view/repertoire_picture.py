@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.transfer.steering.planner import travel
+from vvvaltr.transfer.steering.arcs import travel
 from vvvaltr.transfer.steering.repertoire import LearnedMovement, Repertoire
 
 if TYPE_CHECKING:

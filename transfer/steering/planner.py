@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.transfer.steering.arcs import Places, chords, travel
 
 DURATIONS_S = (1.8, 2.4, 3.2, 4.2, 5.5, 7.3, 10.0)
 """How long a movement may be planned for. None is cut before the shortest, at which its own velocity begins to show."""
@@ -149,21 +150,6 @@ class _Actions:
         return turned
 
 
-def travel(velocities: Array, duration_s: Array) -> tuple[Array, Array]:
-    """Return displacement (..., 2) in the frame at the start, and turn, of velocities (..., 3) over durations (...)."""
-    turn = velocities[..., 2] * duration_s
-    return np.stack(_chord(velocities[..., 0] * duration_s, velocities[..., 1] * duration_s, turn), axis=-1), turn
-
-
-def _chord(forward_m: Array, left_m: Array, turn_rad: Array) -> tuple[Array, Array]:
-    """Return the displacement in the frame at the start, of paths along which the robot turns evenly."""
-    small = np.abs(turn_rad) < 1e-4
-    safe = np.where(small, 1.0, turn_rad)
-    along = np.where(small, 1.0, np.sin(safe) / safe)
-    across = np.where(small, 0.5 * turn_rad, (1.0 - np.cos(safe)) / safe)
-    return along * forward_m - across * left_m, across * forward_m + along * left_m
-
-
 def plan(
     start: Array, goal: Goal, able: Abilities, border: Border | None = None, underway: Array | None = None
 ) -> Plan:
@@ -265,13 +251,13 @@ class _Search:
     def expanded(self, nodes: _Nodes, actions: _Actions, width: int) -> _Nodes:
         """Return the best nodes that are one action further."""
         turn_rad = actions.turned(nodes.pose[:, 2:])
-        x, y = self._places(nodes, actions, turn_rad, 1.0)
+        halfway, end = chords(actions.own_m[:, 0], actions.own_m[:, 1], turn_rad)
+        x, y = _moved(nodes, end, actions.drift_m)
         yaw = nodes.pose[:, 2:] + turn_rad
         time_s = nodes.time_s[:, None] + actions.cost_s
         cost = time_s + self.rest_s(x, y, yaw, actions.spread_m)
         if self.border is not None:
-            halfway = self._places(nodes, actions, 0.5 * turn_rad, 0.5)
-            cost[self._crossing(actions, halfway, x, y)] = np.inf
+            cost[self._crossing(actions, _moved(nodes, halfway, 0.5 * actions.drift_m), x, y)] = np.inf
         flat = cost.ravel()
         chosen = np.argpartition(flat, width)[:width] if flat.size > width else np.arange(flat.size)
         chosen = chosen[np.isfinite(flat[chosen])]
@@ -279,21 +265,20 @@ class _Search:
         pose = np.stack([x.ravel()[chosen], y.ravel()[chosen], yaw.ravel()[chosen]], axis=1)
         return _Nodes(pose, time_s.ravel()[chosen], flat[chosen], actions.spread_m[action], parent, action)
 
-    @staticmethod
-    def _places(nodes: _Nodes, actions: _Actions, turn_rad: Array, share: float) -> tuple[Array, Array]:
-        """Return x and y after a share of each action, shape (nodes, actions)."""
-        cosine, sine = np.cos(nodes.pose[:, 2:]), np.sin(nodes.pose[:, 2:])
-        own_x, own_y = _chord(share * actions.own_m[:, 0], share * actions.own_m[:, 1], turn_rad)
-        x = nodes.pose[:, :1] + (cosine * own_x - sine * own_y + share * actions.drift_m[:, 0])
-        y = nodes.pose[:, 1:2] + (sine * own_x + cosine * own_y + share * actions.drift_m[:, 1])
-        return x, y
-
-    def _crossing(self, actions: _Actions, halfway: tuple[Array, Array], x: Array, y: Array) -> NDArray[np.bool_]:
+    def _crossing(self, actions: _Actions, halfway: Places, x: Array, y: Array) -> NDArray[np.bool_]:
         """Return which actions end beyond the border or go through it, or might."""
         assert self.border is not None
         margin_m = np.minimum(actions.spread_m, 0.03)
         ends_inside = self.border.holds(x, y, margin_m, self.start)
         return ~(ends_inside & self.border.holds(*halfway, 0.5 * margin_m, self.start))
+
+
+def _moved(nodes: _Nodes, own_m: Places, drift_m: Array) -> Places:
+    """Return x and y after each action, shape (nodes, actions)."""
+    cosine, sine = np.cos(nodes.pose[:, 2:]), np.sin(nodes.pose[:, 2:])
+    x = nodes.pose[:, :1] + (cosine * own_m[0] - sine * own_m[1] + drift_m[:, 0])
+    y = nodes.pose[:, 1:2] + (sine * own_m[0] + cosine * own_m[1] + drift_m[:, 1])
+    return x, y
 
 
 def _best(layers: list[_Nodes], first: _Actions, menu: _Actions) -> Plan:

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.transfer.steering.arcs import travel
 from vvvaltr.transfer.steering.belief import WANDER_M, WANDER_RAD
 from vvvaltr.transfer.steering.passage import rotation
-from vvvaltr.transfer.steering.planner import travel
 
 WIDTH = 6.25  # squared distance, in deviations, of nine out of ten drives (chi squared of 3 numbers)
 _SEEN_M, _SEEN_RAD = 0.0005, 0.01  # deviation of a tracked pose

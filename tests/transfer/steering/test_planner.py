@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from gliding import TABLE
 
-from vvvaltr.transfer.steering.planner import Abilities, Border, Goal, plan, travel
+from vvvaltr.transfer.steering.arcs import travel
+from vvvaltr.transfer.steering.planner import Abilities, Border, Goal, plan
 
 VELOCITIES = np.array(list(TABLE.values()))
 SURE = np.full(VELOCITIES.shape, 1e-4)

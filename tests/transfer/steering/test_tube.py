@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gliding import GAITS, GlidingRobot, tried
 
-from vvvaltr.transfer.steering.planner import travel
+from vvvaltr.transfer.steering.arcs import travel
 from vvvaltr.transfer.steering.repertoire import learn_repertoire
 from vvvaltr.transfer.steering.tube import Tube
 
