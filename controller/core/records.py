@@ -138,6 +138,9 @@ class Review:
     suspicion: str = ""
 
 
+_PLAIN = Review()
+
+
 @dataclass(frozen=True, slots=True)
 class Fit:
     """The surrogate after a trial, so that a resumed run need not repeat the fits.
@@ -257,6 +260,8 @@ class LoggedTrial:
 
     def without_recordings(self) -> LoggedTrial:
         """Return the trial without what was recorded during the drive, which is all but a few hundred bytes of it."""
+        if not any((self.trial.poses, self.trial.commands, self.trial.states, self.trial.photos)):
+            return self
         return replace(self, trial=replace(self.trial, poses=(), commands=(), states=(), photos=()))
 
     def in_brief(self) -> LoggedTrial:
@@ -265,7 +270,7 @@ class LoggedTrial:
         suggestion = Suggestion(asked.gait, asked.origin, None, _NO_NUMBERS, asked.phase)
         ended = (made.number, made.gait, made.outcome, made.reason, made.started_unix_s, made.duration_s)
         trial = Trial(*ended, conditions=_UNKNOWN)
-        return LoggedTrial(suggestion, trial, self.score, None, review=self.review)
+        return LoggedTrial(suggestion, trial, self.score, None, review=_PLAIN if self.review == _PLAIN else self.review)
 
 
 class EventKind(StrEnum):

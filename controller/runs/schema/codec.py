@@ -5,10 +5,11 @@ Each ``decode_...`` raises ValueError where a message holds what no run writes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import chain
 from math import cos, sin
+from sys import intern
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Pose_pb2 import Pose as FoxglovePose
@@ -134,7 +135,13 @@ def decode_suggestion(message: pb.Suggestion) -> Suggestion:
     """Return the suggestion of a message."""
     expected = decode_estimate(message.expected) if message.HasField("expected") else None
     phase = Phase(message.phase) if message.phase else _infer_phase(message.origin)
-    return Suggestion(decode_gait(message.gait), message.origin, expected, dict(message.hyperparameters), phase)
+    numbers = decode_numbers(message.hyperparameters)
+    return Suggestion(decode_gait(message.gait), intern(message.origin), expected, numbers, phase)
+
+
+def decode_numbers(numbers: Mapping[str, float]) -> dict[str, float]:
+    """Return numbers by name. All trials of a long run share the names, which would take more memory than the rest."""
+    return {intern(name): number for name, number in numbers.items()}
 
 
 def _infer_phase(origin: str) -> Phase:

@@ -23,7 +23,13 @@ from vvvaltr.controller.core.records import (
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Command, MotorState, Outcome, Pose, Recommendation, Suggestion, Trial
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
-from vvvaltr.controller.runs.schema.codec import decode_estimate, decode_gait, encode_estimate, encode_gait
+from vvvaltr.controller.runs.schema.codec import (
+    decode_estimate,
+    decode_gait,
+    decode_numbers,
+    encode_estimate,
+    encode_gait,
+)
 
 _Value = TypeVar("_Value")
 _Message = TypeVar("_Message")
@@ -123,7 +129,7 @@ def _encode_fit(fit: Fit) -> pb.Fit:
 
 
 def _decode_fit(message: pb.Fit) -> Fit:
-    return Fit(dict(message.hyperparameters), message.is_new)
+    return Fit(decode_numbers(message.hyperparameters), message.is_new)
 
 
 def _encode_movement(movement: Movement) -> pb.Movement:
