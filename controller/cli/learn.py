@@ -29,6 +29,7 @@ from vvvaltr.controller.cli.rerun_extra import has_rerun
 from vvvaltr.controller.cli.telling import say
 from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
 from vvvaltr.controller.core.records import EventKind
+from vvvaltr.controller.core.values import Phase
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.protocols import Observer
@@ -157,7 +158,8 @@ def _learn(run: RunDirectory, observers: Sequence[Observer], arguments: Namespac
     from vvvaltr.controller.runs.attended import Attended
     from vvvaltr.controller.view.showing import show_learning
 
-    done = sum(logged.score is not None for logged in run.trials)
+    counted = [logged for logged in run.trials if logged.suggestion.phase is not Phase.REFERENCE]
+    done = sum(logged.score is not None for logged in counted)
     with ExitStack() as stack:
         view = open_live_view(arguments, stack, lambda: show_learning(run))
         operator = _operator(run, arguments, stack)

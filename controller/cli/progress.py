@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from vvvaltr.controller.cli.telling import bar, can_repaint, say, say_above, to_whoever_listens
 from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.records import Verdict
+from vvvaltr.controller.core.values import Phase
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.records import LoggedTrial
@@ -25,7 +26,7 @@ class TrialProgress:
     Args:
         arguments: those of the command, which say how much is told.
         total: number of valid trials wanted.
-        done: number of valid trials made before.
+        done: number of valid trials made before, without those of the reference gait, which come on top.
         clear: removes what else is shown on the bar's line; None where nothing is.
     """
 
@@ -56,13 +57,15 @@ class TrialProgress:
             self.warn(f"trial {logged.trial.number} is suspect: {logged.review.suspicion}")
         if logged.trial.reason:
             self.warn(f"trial {logged.trial.number} was cut short: {logged.trial.reason}")
-        self._done += 1
+        counts = logged.suggestion.phase is not Phase.REFERENCE
+        self._done += counts
         self._bar.set_postfix_str(f"{_write_speeds(logged)}{self._write_failures()}", refresh=False)
         with to_whoever_listens():
-            self._bar.update()
+            self._bar.update(int(counts))
         if not can_repaint():
             left = f"; {_write_duration(self._estimate_left_s())} left" if self._done < self._total else ""
-            say(self._arguments, f"trial {logged.trial.number}, {self._done} of {self._total}: "
+            place = f"{self._done} of {self._total}" if counts else "reference"
+            say(self._arguments, f"trial {logged.trial.number}, {place}: "
                 f"{_write_speeds(logged)}{self._write_failures()}{left}")  # fmt: skip
 
     def warn(self, line: str) -> None:
@@ -77,7 +80,7 @@ class TrialProgress:
             self._bar.close()
 
     def _estimate_left_s(self) -> float:
-        each_s = (time.monotonic() - self._began_s) / (self._done - self._begun)
+        each_s = (time.monotonic() - self._began_s) / max(1, self._done - self._begun)
         return each_s * (self._total - self._done)
 
     def _write_failures(self) -> str:

@@ -180,6 +180,30 @@ def test_impossible_references_are_refused(capsys, tmp_path):
     assert "--reference" in capsys.readouterr().err
 
 
+def test_trials_of_the_reference_gait_come_on_top_of_those_asked_for_and_are_not_counted(capsys, tmp_path):
+    from vvvaltr.controller.cli.main import main
+
+    out = str(tmp_path / "r")
+    learn = [
+        "learn",
+        "--robot",
+        "planar",
+        "--duration",
+        "1",
+        "--trials",
+        "3",
+        "--reference",
+        "12,-14,9:2",
+        "--no-recording",
+    ]
+    assert main([*learn, "--out", out]) == 0
+    assert main(["learn", "--resume", out, "--trials", "5", "--no-recording"]) == 0
+    told = [line.split(":")[0] for line in capsys.readouterr().err.splitlines() if line.startswith("trial ")]
+    assert [place.partition(", ")[2] for place in told] == [
+        "1 of 3", "2 of 3", "reference", "3 of 3", "4 of 5", "reference", "5 of 5",
+    ]  # fmt: skip
+
+
 def test_the_summary_says_what_speeds_are_corrected_for_and_which_gaits_stood_still():
     found = {
         "strength": 0.52,
