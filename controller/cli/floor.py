@@ -98,7 +98,8 @@ def _survey(rig: Rig, choice: RobotChoice, gait: Gait, turn: Turn, arguments: Na
             about = describe_maker(choice.name, arguments.seed or 0)
             record = stack.enter_context(begin_measured_run(arguments.out, rig.robot.structure, about)).append
         trials = survey_floor(rig.robot, gait, settings, arguments.trials, turn, record)
-        return list(bar(arguments, trials, desc="driving", unit="trial", is_needed=choice.is_twin))
+        total = arguments.trials
+        return list(bar(arguments, trials, total=total, desc="driving", unit="trial", is_needed=choice.is_twin))
 
 
 def _turn_twin(twin: TurnedTwin, number: int, heading_rad: float) -> None:
