@@ -13,34 +13,45 @@ import random
 import resource
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from unittest.mock import patch
 
 from benchmarks.figures import make_parser, print_figures
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.protocols import Optimizer
-    from vvvaltr.controller.core.values import GaitSpace, Source
+    from vvvaltr.controller.core.values import GaitSpace, Source, Trial
 
 COUNTED = (50, 200, 500, 1000)
 """Numbers of trials told; a figure is the mean over the last tenth of them, so that new fits are counted."""
 
 
-def time_trials(optimizer: Optimizer, space: GaitSpace, most: int) -> list[float]:
-    """Return what each of ``most`` trials costs in ms: ask, tell and recommend."""
+def time_trials(optimizer: Optimizer, space: GaitSpace, most: int, corrects: bool = False) -> list[float]:
+    """Return what each of ``most`` trials costs in ms: ask, tell and recommend.
+
+    With ``corrects``, the optimiser is told all that a trial shows, and corrects the scores for the causes of their
+    scatter.
+    """
     import numpy as np
 
+    from benchmarks.suggest import walk
     from benchmarks.surfaces import gait3
+    from vvvaltr.controller.core.protocols import Listening
+    from vvvaltr.controller.core.records import Told
 
+    assert isinstance(optimizer, Listening)
     surface, rng, times_ms = gait3(0), np.random.default_rng(0), []
     for _ in range(most):
         begin_s = time.process_time()
         gait = optimizer.ask().gait
         asked_s = time.process_time() - begin_s
         score = surface.observed(space.to_unit(gait), rng)
+        told = Told(gait, score, None, walk(score, rng) if corrects else None)
         begin_s = time.process_time()
-        optimizer.tell(gait, score)
+        optimizer.tell_trial(told)
         optimizer.recommend()
         times_ms.append(1e3 * (asked_s + time.process_time() - begin_s))
     return times_ms
@@ -64,10 +75,11 @@ def measure_learning() -> dict[str, float]:
     from vvvaltr.transfer.methods.registry import make_optimizer
 
     space, figures = GaitSpace.over(3, 0.0, 1.0), {}
-    times_ms = time_trials(make_optimizer("plain", space, 0), space, max(COUNTED))
-    for count in COUNTED:
-        figures[f"trial_{count}_ms"] = _mean(times_ms[count - count // 10 : count])
-    alone_ms = _mean(times_ms[:30])
+    for method in ("plain", "drive"):
+        times_ms = time_trials(make_optimizer(method, space, 0), space, max(COUNTED), corrects=method == "drive")
+        for count in COUNTED:
+            figures[f"{method}_{count}_ms"] = _mean(times_ms[count - count // 10 : count])
+    alone_ms = _mean(time_trials(make_optimizer("plain", space, 0), space, 30))
     for rows in (2000, 20_000):
         begin_s = time.process_time()
         optimizer = make_optimizer("guarded", space, 0, [make_source(space, rows)])
@@ -110,18 +122,45 @@ def measure_run(folder: Path, trials: int = 1000) -> dict[str, float]:
     asked = {"trials": trials, "duration_s": 10.0}
     memory_mb, path = {}, folder / "run"
     run = RunDirectory.create(path, asked)
-    for logged in run.learn():
-        if logged.trial.number in (trials // 10, trials):
-            memory_mb[logged.trial.number] = _memory_mb()
-        if logged.trial.number == trials // 2:
-            write_whole(folder / "half.mcap", (path / "trials.mcap").read_bytes())
+    loop_ms: list[float] = []
+    with _timed_trials() as take_s:
+        before_s = time.process_time()
+        for logged in run.learn():
+            loop_ms.append(1e3 * (time.process_time() - before_s - take_s()))
+            if logged.trial.number in (trials // 10, trials):
+                memory_mb[logged.trial.number] = _memory_mb()
+            if logged.trial.number == trials // 2:
+                write_whole(folder / "half.mcap", (path / "trials.mcap").read_bytes())
+            before_s = time.process_time()
     run.close()
     first, last = memory_mb[trials // 10], memory_mb[trials]
     figures = {"memory_mb": first, "memory_bytes_a_trial": 1e6 * (last - first) / (trials - trials // 10)}
+    figures |= {f"loop_{count}_ms": _mean(loop_ms[count - count // 10 : count]) for count in COUNTED if count <= trials}
     figures["resume_1000_s"] = _time(lambda: _resume(path, trials))
     (path / "trials.mcap").write_bytes((folder / "half.mcap").read_bytes())
     figures["view_500_s"] = _time(lambda: save_run(path, folder / "run.rrd"))
     return figures
+
+
+@contextmanager
+def _timed_trials() -> Iterator[Callable[[], float]]:
+    """Yield what returns the processor time of the trials since it was asked last, in s: what is left is the loop's."""
+    from vvvaltr.controller.loop.trial_runner import run_trial
+
+    sums_s = [0.0]
+
+    def timed(*arguments: Any) -> Trial:
+        sums_s.append(_time(lambda: made.append(run_trial(*arguments))))
+        return made.pop()
+
+    def take() -> float:
+        taken_s = sum(sums_s)
+        sums_s.clear()
+        return taken_s
+
+    made: list[Trial] = []
+    with patch("vvvaltr.controller.loop.learn.run_trial", timed):
+        yield take
 
 
 def _resume(path: Path, trials: int) -> None:
