@@ -7,7 +7,9 @@ of a goal is that of the robot's clock, pauses included. The repertoire is learn
 in 40 trials of 5 s. *cold*: every goal begins with it. *carried*: what was learned on the way to one goal is kept for
 the next.
 
-The twin scatters as a careful laboratory does, in "hurried" as a hurried one.
+The twin scatters as a careful laboratory does, in "hurried" as a hurried one: there the robot of the last goals has
+made hundreds of trials, and strength that it lost does not come back. In "hurried anew" each goal has a robot of its
+own, which has made the forty trials of the repertoire.
 
 Baselines with the same seeds: the repertoire as it was learned (fixed), its fastest gait alone, its straightest and its
 best turning movement alone (two), and a planner that knows each movement by four trials where it goes, in four
@@ -45,6 +47,7 @@ WORLDS = {
     "hills": "hills:height_m=0.01,wavelength_m=0.3,seed=1",
     "damaged": "flat",
     "hurried": "flat",
+    "hurried anew": "flat",
     "slow motors": "flat",
 }
 DAMAGE = {"icosahedron6": ("snap:4,18", "lighten:3:0.5"), "prism3": ("snap:4", "lighten:2:0.5")}
@@ -86,9 +89,10 @@ def cases(goals: int) -> Iterator[Case]:
         yield from (Case("icosahedron6", world, method, few) for method in methods)
     yield from (Case(body, "level", "carried", few if goals >= 40 else fewest, True) for body in BODIES)
     yield Case("icosahedron6", "slow motors", "cold", fewest)
+    yield from (Case(body, "hurried anew", "cold", goals) for body in BODIES)
 
 
-def make_robot(case: Case) -> Robot:
+def make_robot(case: Case, seed: int = SEED + 100) -> Robot:
     """Return the robot of a case."""
     from vvvaltr.twin.presets import spatial_robot
     from vvvaltr.twin.scatter import CAREFUL, HURRIED
@@ -96,8 +100,8 @@ def make_robot(case: Case) -> Robot:
 
     damage = DAMAGE[case.body] if case.world == "damaged" else ()
     # Put back before each goal, and nowhere else.
-    scatter = HURRIED.put_back() if case.world == "hurried" else CAREFUL
-    twin = spatial_robot(case.body, parse_world(WORLDS[case.world]), damage, seed=SEED + 100, scatter=scatter)
+    scatter = HURRIED.put_back() if "hurried" in case.world else CAREFUL
+    twin = spatial_robot(case.body, parse_world(WORLDS[case.world]), damage, seed=seed, scatter=scatter)
     setattr(twin.engine, "forces", lambda: None)  # noqa: B010  nobody looks at them here
     return twin
 
@@ -196,7 +200,10 @@ def measure(case: Case, done: int) -> Iterator[dict[str, Any]]:
         if case.method == "cold":
             steersman = Steersman(repertoire, SEED, None, settings.settle_s)
         # A robot ages from trial to trial: these come soon after those of the repertoire.
-        result = _send(case, robot, steersman, goals, 41 + 20 * index)
+        first = 41 + 20 * index
+        if case.world == "hurried anew":
+            robot, first = make_robot(case, SEED + 200 + index), 41
+        result = _send(case, robot, steersman, goals, first)
         if index >= done:
             yield {"case": case.name, "goal": index, **result}
 
