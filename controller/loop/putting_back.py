@@ -177,7 +177,8 @@ class Return:
             return "check what it sees by vvvaltr track"
         if self._hand is not None:
             return "the mock's hand did not put it there" + (f": {self._problem}" if self._problem else "")
-        return "nobody is there to put it back: run it --attended, or choose --reposition arena or never"
+        other = "arena or never" if self._placement.reposition is Reposition.EACH else "never"
+        return f"nobody is there to put it back: run it --attended, or choose --reposition {other}"
 
     def _is_at_border(self, pose: Pose | None) -> bool | None:
         """Return whether the robot is at its arena's border; None while that is not certain."""

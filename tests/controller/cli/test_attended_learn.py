@@ -198,7 +198,10 @@ def test_without_hand_and_terminal_the_run_ends_with_that_reason(
     status = main(["learn", "--robot", robot_file(mock, START), "--no-hand", "--out", str(tmp_path / "run")])
 
     assert status == 1
-    assert "nobody is there to put it back: run it --attended" in capsys.readouterr().err
+    assert (
+        "nobody is there to put it back: run it --attended, or choose --reposition arena or never"
+        in capsys.readouterr().err
+    )
 
 
 def test_attended_without_a_terminal_is_one_line(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ def test_nobody_there_ends_the_run_with_the_reason_and_what_was_measured() -> No
     log: list[LoggedTrial] = []
     robot = LeftRobot(x_m=0.05)
 
-    with pytest.raises(UserError, match=r"trial \d cannot begin: move .* nobody is there to put it back"):
+    with pytest.raises(UserError, match=r"trial \d cannot begin: move .* nobody is there .* --reposition never$"):
         run(Attendance(robot, BORDER), 9, log)
 
     assert log
