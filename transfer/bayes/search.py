@@ -160,7 +160,7 @@ class Search:
             return Trials(x, np.array([told.score for told in history], dtype=float))
         corrected = self._corrector.correct(history)
         self._found = corrected.names
-        return Trials(places(self._space, corrected.gaits), corrected.scores, corrected.shares)
+        return Trials(places(self._space, corrected.gaits), corrected.scores)
 
     def recommend(self) -> Recommendation:
         """Return the gait with the greatest posterior mean, and the 95 % interval of its true mean score.

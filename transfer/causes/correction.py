@@ -1,9 +1,9 @@
-"""What a run's trials would have measured on a level floor, at today's strength, with all motors turning.
+"""What a run's trials would have measured on a level floor, at today's strength.
 
 A trial's own score stays what it is. Before a model sees the scores, they are freed of what is not the gait's: the
-floor's part of the velocity is taken off, the rest is brought to the strength of the last trial, a trial in which the
-gait stood still counts for nothing, and where sensors tell what the motors applied, the trial counts at the gait that
-would apply it.
+floor's part of the velocity is taken off, the rest is brought to the strength of the last trial, and where sensors tell
+what the motors applied, the trial counts at the gait that would apply it. A trial in which the gait stood still counts
+like any other: a gait that moves from one start and not from another is as fast as the mean of both.
 """
 
 from __future__ import annotations
@@ -21,9 +21,6 @@ from vvvaltr.transfer.causes.floor import Drift, DriftLearner
 from vvvaltr.transfer.causes.pieces import weigh
 from vvvaltr.transfer.causes.standing import find_standing
 from vvvaltr.transfer.causes.strength import StrengthLearner
-
-NO_WEIGHT = 1e4
-"""Noise variance of a trial that stood still, in that of a trial: it says nothing of how fast the gait is."""
 
 RATIO_TRIALS = 60
 """Number of trials that tell what a motor applies of its command; later ones do not change it."""
@@ -46,14 +43,12 @@ class Corrected:
     Args:
         gaits: each one's gait: the commands that make the motors apply what they applied.
         scores: at today's strength, on a level floor, (n,).
-        shares: noise variance of each in that of a trial, (n,).
         strengths: strength of the robot in each trial over that in the first, (n,).
         drift: of the floor; None where nothing tells it.
     """
 
     gaits: tuple[Gait, ...]
     scores: Array
-    shares: Array
     strengths: Array
     drift: Drift | None
 
@@ -86,19 +81,18 @@ class Corrector:
     def correct(self, history: Sequence[Told]) -> Corrected:
         """Return the trials told so far, freed of what is not their gaits'; those without evidence as they are."""
         scores = np.array([told.score for told in history], dtype=float)
-        shares, strengths, drift = np.ones(len(history)), np.ones(len(history)), None
+        strengths, drift = np.ones(len(history)), None
         known = [i for i, told in enumerate(history) if told.evidence is not None]
         if known:
             of = [history[i] for i in known]
-            stood = _find_standing(of)
             # From the scores as they are: what is settled of a long run's strength must not change with the drift.
             strengths[known] = self._follow_strength(of, scores[known])
-            scores[known], drift = self._take_off_floor(of, stood, scores[known])
+            scores[known], drift = self._take_off_floor(of, scores[known])
             scores[known] *= strengths[known[-1]] / strengths[known]
-            shares[known], scores[known] = _discount(of, stood, scores[known])
-        return Corrected(self._gaits.find(history), scores, shares, strengths, drift)
+        return Corrected(self._gaits.find(history), scores, strengths, drift)
 
-    def _take_off_floor(self, trials: Sequence[Told], stood: Array, scores: Array) -> tuple[Array, Drift | None]:
+    def _take_off_floor(self, trials: Sequence[Told], scores: Array) -> tuple[Array, Drift | None]:
+        stood = _find_standing(trials)
         cut = [i for i, told in enumerate(trials) if told.evidence and len(told.evidence.pieces) > 1 and not stood[i]]
         weights = [weigh(trials[i].gait.frequency_hz) for i in cut]
         pieces = [trials[i].evidence.pieces for i in cut]  # type: ignore[union-attr]
@@ -136,15 +130,6 @@ def _find_standing(trials: Sequence[Told]) -> Array:
         if len(index) > 1:
             stood[index] = find_standing([abs(trials[i].score) for i in index])
     return stood
-
-
-def _discount(trials: Sequence[Told], stood: Array, scores: Array) -> tuple[Array, Array]:
-    """Return shares of noise and scores: a trial that stood still has its gait's mean, and as good as no weight."""
-    shares, kept = np.where(stood, NO_WEIGHT, 1.0), scores.copy()
-    for i in np.flatnonzero(stood).tolist():
-        moving = [scores[j] for j, told in enumerate(trials) if told.gait == trials[i].gait and not stood[j]]
-        kept[i] = float(np.mean(moving))
-    return shares, kept
 
 
 class _Applied:
