@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
@@ -25,7 +26,7 @@ from vvvaltr.transfer.steering.planner import Goal, Plan
 ORIGIN = "going"
 """Origin of the suggestions that lead somewhere."""
 
-_LONGEST_S = 12.0  # of a primitive
+_LONGEST_S, _SHORTEST_S = 12.0, 1.0  # of a primitive, of which the last one ends with the time that is allowed
 _FAILURES_IN_A_ROW = 3  # failed primitives in a row after which somebody has to look at the robot
 _USELESS_IN_A_ROW = 5  # plans, each with other hopes of what is not known
 _GAIN = 0.1  # of the tolerance, by which a plan must bring the robot nearer
@@ -127,6 +128,8 @@ class Journey:
             TrialCrashed: the program failed during a primitive; it has been recorded.
         """
         self._last = self._robot.tracker.pose()
+        if not self.trials:
+            self._reason = self._too_far()
         for number in count(first):
             if self._is_over():
                 return
@@ -174,6 +177,22 @@ class Journey:
             )
         return bool(self._reason)
 
+    def _too_far(self) -> str:
+        """Return which goal is too far for the time that is allowed, however well all goes; empty if none is."""
+        fastest_m_s = self._steersman.fastest_m_s
+        x_m, y_m, _ = self._last.position_m
+        for goal in self._goals:
+            needed_m = float(goal.distance_m(x_m, y_m)) - goal.within_m
+            if fastest_m_s > 0.0 and needed_m > fastest_m_s * self._budget_s:
+                needed_s = math.ceil(needed_m / fastest_m_s)
+                return (
+                    f"{goal.x_m:g} {goal.y_m:g} is {needed_m:.2g} m away, {needed_s} s of driving at "
+                    f"the {1000.0 * fastest_m_s:.0f} mm/s of the fastest movement, and {self._budget_s:g} s are "
+                    "allowed; allow more by --time"
+                )
+            x_m, y_m = goal.x_m, goal.y_m
+        return ""
+
     def _give_up(self, reason: str) -> None:
         """End with a reason, and with what the trials say of a battery that ran down."""
         loss = find_loss_in(self.trials)
@@ -190,9 +209,10 @@ class Journey:
         movement, _ = way.steps[0]
         gait = self._steersman.gaits[movement]
         watch = Watch(self._steersman, self._thinking, movement, goal, way, where(self._last))
+        longest_s = min(_LONGEST_S, max(_SHORTEST_S, self._budget_s - self._spent_s))
         suggestion, step = Suggestion(gait, ORIGIN), self._step(goal, way)
         try:
-            trial = run_trial(self._robot, gait, primitive_settings(self._settings, _LONGEST_S, watch), number)
+            trial = run_trial(self._robot, gait, primitive_settings(self._settings, longest_s, watch), number)
         except TrialCrashed as crash:
             self._record(LoggedTrial(suggestion, crash.trial, None, None, steering=step))
             raise

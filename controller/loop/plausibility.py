@@ -18,7 +18,7 @@ _WINDOW_S = 1.0  # in which the share of dropped poses is judged
 _LARGEST_SHARE = 0.4
 _FEWEST_DROPPED = 4  # one outlier among few poses is still one outlier
 _FEWEST_FROZEN = 5  # poses with new time stamps and the same numbers, to the last digit
-_FAR_M, _HIGH_M = 50.0, 5.0  # from the origin of the tracker's frame, and above its floor
+_FAR_M, _HIGH_M = 50.0, 2.0  # from the origin of the tracker's frame, and above its floor: 2 cm in centimetres
 _CM_HIGH_M = 20.0  # what is higher is more likely millimetres
 _FULL_TURN_RAD = 6.5  # 2 pi and a little: no heading, pitch or roll is written with more
 _STEEP_RAD = 1.0  # of pitch: the yaw of a robot that stands on end may be any
@@ -83,6 +83,7 @@ class PoseFilter:
         self._last: Pose | None = None
         self._stray: _Stray | None = None  # what was seen since then
         self._start_z_m: float | None = None
+        self._at_start: Sequence[Pose] = ()
         self._seen: deque[tuple[float, bool]] = deque()
         self._frozen_since_s = math.nan
         self._frozen = 0
@@ -108,13 +109,19 @@ class PoseFilter:
             problem = next(filter(None, problems), f"they are up to {farthest_m:.3g} m apart; {_TWO_BODIES}")
             raise TrackingLost(f"{dropped} of {len(poses)} poses of the robot at rest are implausible: {problem}")
         _check_yaws(near)
+        self._at_start = near
         return average_at_rest(near)
 
     def rest_after(self, poses: Sequence[Pose], driven: Sequence[Pose]) -> RestingPose:
-        """Return where the robot lies after the drive. Raises TrackingLost if the tracker has hung since before."""
+        """Return where the robot lies after the drive.
+
+        Raises:
+            TrackingLost: the tracker has hung since before, or the yaw at rest is not in radians.
+        """
         fresh = [pose for pose in poses if not driven or _numbers(pose) != _numbers(driven[-1])]
         if not fresh and self._has_frozen:
             raise TrackingLost(f"the tracker has repeated one position to the last digit since the drive: {_UNSEEN}")
+        _check_yaws(self._at_start, fresh or poses)
         return average_at_rest(fresh or poses)
 
     def begin_at(self, rest: RestingPose, t_s: float) -> None:
@@ -246,10 +253,11 @@ def _origin_problem(pose: Pose, others: Sequence[Pose]) -> str:
     return ""
 
 
-def _check_yaws(poses: Sequence[Pose]) -> None:
-    """Raise TrackingLost if the yaw of a robot at rest scatters as only another unit can."""
-    error_rad = standard_error(unwrap([pose.yaw_rad for pose in poses])) or 0.0
-    scatter_rad = error_rad * math.sqrt(len(poses)) / MEDIAN_TO_MEAN
+def _check_yaws(*rests: Sequence[Pose]) -> None:
+    """Raise TrackingLost if the yaw of a robot at rest, once or several times, scatters as only another unit can."""
+    yaws_rad = [unwrap([pose.yaw_rad for pose in rest]) for rest in rests if rest]
+    apart_rad = [yaw_rad - float(np.median(rest_rad)) for rest_rad in yaws_rad for yaw_rad in rest_rad]
+    scatter_rad = (standard_error(apart_rad) or 0.0) * math.sqrt(len(apart_rad)) / MEDIAN_TO_MEAN
     if scatter_rad > _YAW_SCATTER_RAD:
         raise TrackingLost(f"the yaw of the robot at rest scatters by {scatter_rad:.2f} rad; {_DEGREES}")
 

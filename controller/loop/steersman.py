@@ -66,6 +66,11 @@ class Steersman:
         """Whether any movement turns at all; on a line none does."""
         return bool(self.knowledge.likely.movements[:, 2].any())
 
+    @property
+    def fastest_m_s(self) -> float:
+        """Speed of the fastest movement, as far as is known."""
+        return float(np.hypot(*self.knowledge.likely.movements[:, :2].T).max(initial=0.0))
+
     def begin(self, number: int) -> None:
         """Draw, for primitive ``number``, what its plans take the movements for."""
         random = stream(self._seed, number, "steering")

@@ -163,9 +163,9 @@ def _judge_tracker(seen: Sight) -> Iterator[Finding]:
     worst = next((problem for problem in found if not problem.is_warning), None)
     if worst is not None:
         yield Finding("tracker", False, worst.what if seen.poses < 2 else f"{worst.what} ({detail})", worst.cure)
-        return
-    yield Finding("tracker", True, detail)
-    for problem in found:
+    else:
+        yield Finding("tracker", True, detail)
+    for problem in (problem for problem in found if problem.is_warning):
         yield Finding("poses", True, problem.what, problem.cure)
 
 

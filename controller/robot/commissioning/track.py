@@ -13,7 +13,7 @@ import numpy as np
 from vvvaltr.controller.core.errors import DeviceTimeout, TrackingLost
 from vvvaltr.controller.core.protocols import Tracker
 from vvvaltr.controller.core.values import Gait, Pose
-from vvvaltr.controller.robot.commissioning.doubts import Problem, doubts_of
+from vvvaltr.controller.robot.commissioning.doubts import Problem, doubts_of, find_strays
 from vvvaltr.drivers.links.remote_clock import RemoteClock
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ class Sight:
             to do about it, where the tracker knows.
         position_m, yaw_rad: the means.
         noise_m: standard deviation of the position along the axis where it is greatest: at rest, the tracker's noise.
+            Poses that jump away from the others are left out of both.
         noise_rad: standard deviation of the yaw.
         uncertainty_m: as the tracker tells it, on average.
         offset_s: the tracker's clock minus this computer's.
@@ -98,6 +99,7 @@ def sight(looks: Sequence[Look], tracker: Tracker) -> Sight:
     poses = [pose for _, pose in first_seen.values()][::-1]
     times_s = np.array([pose.t_s for pose in poses])
     places = np.array([pose.position_m for pose in poses]).reshape(-1, 3)
+    steady_m = places[find_strays(places) == 0.0]
     yaws = np.unwrap([pose.yaw_rad for pose in poses])
     clock = getattr(tracker, "clock", None)
     delays_s = seen_s - times_s
@@ -105,7 +107,7 @@ def sight(looks: Sequence[Look], tracker: Tracker) -> Sight:
     is_row = len(poses) > 1
     last_loss = next((seen for seen in reversed(looks) if seen.pose is None), Look(0.0, None))
     remarks = [Problem(remark, "correct the sender", is_warning=True) for remark in getattr(tracker, "remarks", ())]
-    x_m, y_m, z_m = places.mean(axis=0).tolist() if poses else [math.nan] * 3
+    x_m, y_m, z_m = steady_m.mean(axis=0).tolist() if len(steady_m) else [math.nan] * 3
     return Sight(
         poses=len(poses),
         rate_hz=(len(poses) - 1) / float(times_s[-1] - times_s[0]) if is_row else math.nan,
@@ -114,7 +116,7 @@ def sight(looks: Sequence[Look], tracker: Tracker) -> Sight:
         reason=last_loss.reason,
         position_m=(x_m, y_m, z_m),
         yaw_rad=float(yaws.mean()) if poses else math.nan,
-        noise_m=float(places.std(axis=0).max()) if is_row else math.nan,
+        noise_m=float(steady_m.std(axis=0).max()) if is_row and len(steady_m) else math.nan,
         noise_rad=float(yaws.std()) if is_row else math.nan,
         uncertainty_m=float(np.mean(told)) if told else math.nan,
         offset_s=clock.offset_s if isinstance(clock, RemoteClock) else math.nan,

@@ -53,9 +53,14 @@ class OneOrigin:
         self._heard[origin] = received_s
         if origin == self._ours:
             self._sequence = told.sequence
-        others = [str(other) for other in self._heard if other != self._ours]
-        if not others:
+        others = [other for other in self._heard if other != self._ours]
+        if self._ours is None or not others:
             return None
+        if others[0].sender == self._ours.sender:
+            bodies = " and ".join(
+                f"{body.name[:40]!r}" if body.name else "one without a name" for body in (self._ours, others[0])
+            )
+            return f"poses of two bodies come, {bodies}", 'say which one is the robot, name = "..." under [tracker]'
         cure = "end one of them" if self._wanted else 'end one of them, or name the robot\'s body, name = "robot"'
         return f"two senders send poses to one port, {self._ours} and {others[0]}", cure
 

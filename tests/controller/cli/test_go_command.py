@@ -143,7 +143,7 @@ def test_a_program_follows_each_primitive_of_go(
 def test_why_go_ended_short_of_its_goal_is_its_last_event(
     moves: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call(capsys, *go(moves, tmp_path / "g", "3", "0", "--time", "1", "--events", str(tmp_path / "events")))
+    call(capsys, *go(moves, tmp_path / "g", "-0.03", "0.01", "--time", "1", "--events", str(tmp_path / "events")))
 
     last = json.loads((tmp_path / "events").read_text().splitlines()[-1])
     assert last["event"] == "end"
@@ -159,9 +159,9 @@ def test_go_shown_live_moves_exactly_as_it_does_unseen(
     on_trial, close = LiveView.on_trial, LiveView.close
     monkeypatch.setattr(LiveView, "on_trial", lambda view, logged: (shown.append(logged), on_trial(view, logged)))
     monkeypatch.setattr(LiveView, "close", lambda view: (frames.append(view.frames), close(view)))
-    call(capsys, *go(moves, tmp_path / "unseen", "3", "0", "--time", "2"))
+    call(capsys, *go(moves, tmp_path / "unseen", "-0.04", "0", "--time", "2"))
 
-    status, _, err = call(capsys, *go(moves, tmp_path / "seen", "3", "0", "--time", "2", "--live"))
+    status, _, err = call(capsys, *go(moves, tmp_path / "seen", "-0.04", "0", "--time", "2", "--live"))
 
     assert (status, gaits_of(tmp_path / "seen")) == (1, gaits_of(tmp_path / "unseen"))
     assert "type rerun --connect rerun+http://127.0.0.1:" in err
@@ -172,11 +172,23 @@ def test_go_shown_live_moves_exactly_as_it_does_unseen(
 def test_what_is_not_reached_in_time_is_a_failure_with_a_reason(
     moves: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    status, out, _ = call(capsys, *go(moves, tmp_path / "g", "3", "0", "--time", "4"))
+    status, out, _ = call(capsys, *go(moves, tmp_path / "g", "-0.05", "0.05", "--time", "4"))
 
     found = json.loads(out)
     assert (status, found["reached"]) == (1, False)
-    assert "4 s" in found["reason"]
+    assert found["reason"].startswith("not there after 4 s of driving; allow more by --time")
+    assert found["duration_s"] < 5.1
+
+
+def test_what_is_too_far_for_the_time_is_told_before_a_motor_turns(
+    moves: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, _ = call(capsys, *go(moves, tmp_path / "g", "9", "0"))
+
+    found = json.loads(out)
+    assert (status, found["reached"], found["primitives"]) == (1, False, 0)
+    assert found["reason"].startswith("9 0 is 9 m away")
+    assert found["reason"].endswith("allow more by --time")
 
 
 def test_go_goes_on_from_where_it_was_interrupted(

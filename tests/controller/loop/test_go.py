@@ -1,6 +1,7 @@
 """Going somewhere: reached, or given up with the reason; motors at rest after every ending."""
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -110,11 +111,26 @@ def test_a_robot_that_does_not_move_is_stuck(repertoire: Repertoire) -> None:
 
 
 def test_the_time_is_kept(repertoire: Repertoire) -> None:
-    ending, _ = sent(GlidingRobot(), repertoire, Goal(3.0, 0.0), budget_s=20.0)
+    slowed = {gait: (0.5 * forward, 0.5 * left, turn) for gait, (forward, left, turn) in TABLE.items()}
+
+    ending, _ = sent(GlidingRobot(slowed), repertoire, Goal(0.35, 0.0), budget_s=20.0)
 
     assert not ending.reached
-    assert "20 s" in ending.reason
-    assert 20.0 <= ending.duration_s < 33.0
+    assert ending.reason.startswith("not there after 20 s")
+    assert 20.0 <= ending.duration_s < 21.1
+
+
+@pytest.mark.parametrize("goals", [[Goal(9.0, 0.0)], [Goal(0.1, 0.0), Goal(0.1, 9.0)]])
+def test_a_goal_too_far_for_the_time_is_told_before_a_motor_turns(repertoire: Repertoire, goals: list[Goal]) -> None:
+    ending, recorded = sent(GlidingRobot(), repertoire, *goals)
+
+    assert not ending.reached
+    assert recorded == []
+    assert re.fullmatch(
+        r"\S+ \S+ is 9 m away, 4\d\d s of driving at the [12]\d mm/s of the fastest movement, and 200 s are allowed; "
+        "allow more by --time",
+        ending.reason,
+    )
 
 
 def test_a_robot_that_can_only_leave_the_arena_gives_up(repertoire: Repertoire) -> None:
@@ -173,7 +189,7 @@ def test_a_robot_that_has_become_weak_on_the_way_says_so(repertoire: Repertoire)
         share = 1.0 if robot.t_s < 60.0 else 0.3
         robot.table = {gait: (share * v[0], share * v[1], share * v[2]) for gait, v in TABLE.items()}
 
-    ending, _ = sent(GlidingRobot(watch=weaken), repertoire, Goal(4.0, 0.0), budget_s=160.0)
+    ending, _ = sent(GlidingRobot(watch=weaken), repertoire, Goal(3.0, 0.0), budget_s=160.0)
 
     assert ending.reason.startswith("not there after 160 s")
     assert "the robot moves 0.3" in ending.reason

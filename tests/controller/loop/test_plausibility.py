@@ -204,6 +204,22 @@ def test_a_yaw_at_rest_that_scatters_by_degrees_is_lost_with_the_cure(size: floa
         PoseFilter(Plausibility()).rest(poses)
 
 
+def test_a_yaw_that_scatters_after_the_drive_is_lost_though_it_agreed_by_luck_before() -> None:
+    lucky = [walk(0, yaw_rad=yaw_rad) for yaw_rad in (0.0, 0.02, -0.02, 0.15, -0.2)]
+    poses = PoseFilter(Plausibility())
+    poses.begin_at(poses.rest(lucky), 0.0)
+
+    with pytest.raises(TrackingLost, match='yaw_unit = "deg"'):
+        poses.rest_after([walk(9, yaw_rad=yaw_rad) for yaw_rad in (0.0, -0.1, 0.1, 0.15, -0.15)], [])
+
+
+def test_a_robot_that_still_turns_a_little_as_it_comes_to_rest_is_not_lost() -> None:
+    poses = PoseFilter(Plausibility())
+    poses.begin_at(poses.rest([walk(0, yaw_rad=0.002 * n) for n in range(5)]), 0.0)
+
+    assert poses.rest_after([walk(9, yaw_rad=0.05 * n) for n in range(5)], []).yaw_rad == pytest.approx(0.1)
+
+
 def test_a_yaw_that_jumps_is_dropped_except_of_a_robot_that_stands_on_end() -> None:
     assert accepted(new_filter(), [walk(1, yaw_rad=0.1), walk(2, yaw_rad=1.4), walk(3, yaw_rad=0.2)]) == 2
     assert accepted(new_filter(), [walk(1, pitch_rad=1.5), walk(2, yaw_rad=3.0, pitch_rad=1.5)]) == 2

@@ -263,7 +263,7 @@ def test_two_names_without_a_choice_are_no_pose(tracker, wire):
     wire.send(encode_pose(0, pose_at(0.1), "robot"))
     until(tracker, is_pose)
     wire.send(encode_pose(1, pose_at(0.5), "box"))
-    assert "'box'" in until(tracker, lambda seen: not is_pose(seen) and "two senders" in seen)
+    assert "two bodies come, 'robot' and 'box'" in until(tracker, lambda seen: not is_pose(seen))
 
 
 def test_a_second_sender_is_named_and_no_pose_counts_until_one_is_silent(tracker, wire):

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -102,6 +103,8 @@ def test_what_the_poses_look_like_is_told_with_the_key_to_set() -> None:
     assert 'set unit = "cm"' in at(10.0, 20.0, 6.0)
     assert 'set unit = "cm"' in at(10.0, 20.0, 3.0)
     assert 'set up = "y"' in at(0.1, 0.06, -0.2)
+    assert 'set up = "y"' in at(0.1, 0.06, 0.0)
+    assert at(0.1, 0.5, 0.0) == ""  # a body whose origin lies on the ground
     assert 'set up = "y"' in at(0.1, 0.06, 0.9)
     assert 'set yaw_unit = "deg"' in at(0.1, 0.2, 0.06, yaw_rad=57.0)
 
@@ -118,6 +121,47 @@ def test_two_bodies_are_told_with_the_cure() -> None:
         for seen in looks()
     ]
     assert "let the tracker see one body alone" in told(both)
+
+
+@pytest.mark.parametrize("away_m", [0.1, 2.0, 40.0])
+def test_poses_that_jump_away_are_told_as_such_and_not_as_noise(away_m: float) -> None:
+    def seen_with(every: int) -> list[Look]:
+        return [
+            replace(seen, pose=replace(seen.pose, position_m=(0.1 + away_m, 0.2, 0.03)))
+            if round(100 * seen.pose.t_s) % every == 0
+            else seen
+            for seen in looks()
+        ]
+
+    seldom, often = sight(seen_with(every=100), NoClock()), sight(seen_with(every=7), NoClock())
+
+    assert [problem.is_warning for problem in problems(seldom)] == [True]
+    assert [problem.is_warning for problem in problems(often)] == [False]
+    assert re.match(r"2[89] of 20\d poses jump away from the others, by up to ", problems(often)[0].what)
+    assert "let the tracker see one body alone" in problems(often)[0].cure
+    assert often.noise_m == pytest.approx(0.001, rel=0.05)
+    assert often.position_m == pytest.approx((0.1, 0.2, 0.03), abs=0.0005)
+
+
+def test_zeros_among_other_poses_are_a_body_that_is_not_seen() -> None:
+    zeros = [
+        replace(seen, pose=Pose(seen.pose.t_s, (0.0, 0.0, 0.0))) if round(100 * seen.pose.t_s) % 50 == 0 else seen
+        for seen in looks()
+    ]
+    near_the_origin = [
+        replace(seen, pose=replace(seen.pose, position_m=(0.001, 0.002, 0.03))) if any(seen.pose.position_m) else seen
+        for seen in zeros
+    ]
+
+    assert "poses are zero to the last digit" in told(zeros)
+    assert "poses are zero to the last digit" in told(near_the_origin)
+    assert "scatters" not in told(zeros) + told(near_the_origin)
+
+
+def test_a_robot_that_is_carried_does_not_jump_away() -> None:
+    carried = [replace(seen, pose=replace(seen.pose, position_m=(seen.pose.t_s, 0.2, 0.03))) for seen in looks(50.0)]
+
+    assert "jump" not in told(carried)
 
 
 def test_what_the_tracker_remarks_is_a_warning() -> None:
