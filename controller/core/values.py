@@ -251,7 +251,9 @@ class Pose:
     @property
     def is_finite(self) -> bool:
         """Whether time, position and angles are finite numbers."""
-        return all(map(math.isfinite, (self.t_s, *self.position_m, self.yaw_rad, self.pitch_rad, self.roll_rad)))
+        numbers = (self.t_s, *self.position_m, self.yaw_rad, self.pitch_rad, self.roll_rad)
+        # A finite sum has finite terms; only where great ones overflow it, each is looked at.
+        return math.isfinite(sum(numbers)) or all(map(math.isfinite, numbers))
 
 
 class Outcome(StrEnum):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import IO, TypeVar
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError, Message
@@ -21,13 +21,15 @@ from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, Entry, TornFil
 from vvvaltr.controller.runs.schema.trial_codec import decode_trial
 
 FORMAT = 2  # version 0.1 wrote format 1
-_RECORDED: dict[str, tuple[str, type[Message], Callable[[Any], object]]] = {
-    "/robot/tracking": ("poses", pb.Tracking, codec.decode_tracking),
-    "/motors/command": ("commands", pb.Command, codec.decode_command),
-    "/motors/state": ("states", pb.MotorState, codec.decode_state),
-    "/tracker/picture": ("pictures", CompressedImage, lambda picture: picture),
-}
-"""What is recorded during a drive, by its topic: where it is kept, its message, and how that is decoded."""
+_RECORDED = frozenset({"/robot/tracking", "/motors/command", "/motors/state", "/tracker/picture"})
+"""Topics of what is recorded during a drive."""
+
+_TOPICS = frozenset({"/run", "/optimizer/suggestion", "/trial", *_RECORDED})
+"""All topics that a run is made of: the others draw it."""
+
+
+def _nothing_recorded() -> dict[str, list[bytes]]:
+    return {topic: [] for topic in _RECORDED}
 
 
 @dataclass(slots=True)
@@ -46,21 +48,28 @@ class Contents:
     begin_ns: int = 0
     format: int = FORMAT
     suggestion: Suggestion | None = None
-    poses: list[Pose] = field(default_factory=list)
-    commands: list[Command] = field(default_factory=list)
-    states: list[MotorState] = field(default_factory=list)
-    pictures: list[CompressedImage] = field(default_factory=list)
+    recorded: dict[str, list[bytes]] = field(default_factory=_nothing_recorded)
     trials: list[LoggedTrial] = field(default_factory=list)
 
-    def read(self, file: IO[bytes]) -> Iterator[list[Entry]]:
+    def read_all(self, file: IO[bytes]) -> Run:
+        """Return what an open log holds. Raises UserError as ``read`` does."""
+        for _ in self.read(file, _TOPICS):
+            pass
+        return self.run()
+
+    def read(self, file: IO[bytes], topics: Container[str] | None = None) -> Iterator[list[Entry]]:
         """Read an open log, and yield the messages of each complete trial once it has been added.
+
+        Args:
+            file: the log.
+            topics: what to yield messages of; None for all. Those that a run is made of must be among them.
 
         Raises:
             UserError: the file is not the log of a run, is damaged, or was written by a newer version.
         """
         messages: list[Entry] = []
         try:
-            for entry in read_entries(file):
+            for entry in read_entries(file, topics):
                 messages.append(entry)
                 self._take(entry)
                 if entry.topic == "/trial":
@@ -68,6 +77,7 @@ class Contents:
                     self._drop_recordings()
                 if entry.topic in ("/trial", "/run"):
                     messages = []
+            self._decode_recorded()  # of a trial without an end: wrong all the same, where it is
         except TornFile:
             self.is_torn = True
         except (DamagedFile, DecodeError, ValueError) as error:
@@ -81,10 +91,9 @@ class Contents:
         """Add one message. What other programs have put on topics of their own is passed over."""
         topic, _, payload = entry
         check_size(topic, payload)
-        if (recorded := _RECORDED.get(topic)) is not None:
+        if topic in _RECORDED:
             if self._needs_recordings:
-                name, kind, decode = recorded
-                getattr(self, name).append(decode(kind.FromString(payload)))
+                self.recorded[topic].append(payload)
             return
         match topic:
             case "/run":
@@ -115,23 +124,38 @@ class Contents:
     def _end_trial(self, message: pb.Trial) -> None:
         if self.suggestion is None:
             raise ValueError(f"trial {message.number} has no suggestion")
-        self._check_motors(message)
-        logged = decode_trial(message, self.suggestion, self.poses, self.commands, self.states)
+        poses, commands, states, pictures = self._decode_recorded()
+        self._check_motors(message, self.suggestion, commands, states)
+        logged = decode_trial(message, self.suggestion, poses, commands, states)
         began_ns = nanoseconds(logged.trial.started_unix_s)
-        photos = tuple(codec.decode_photo(picture, began_ns) for picture in self.pictures)
+        photos = tuple(codec.decode_photo(picture, began_ns) for picture in pictures)
         logged = replace(logged, trial=replace(logged.trial, photos=photos))
         logged = _with_movement(logged) if self.format == 1 else _with_pieces(logged)
         self.trials.append(logged)
-        self.suggestion, self.poses, self.commands, self.states, self.pictures = None, [], [], [], []
+        self.suggestion, self.recorded = None, _nothing_recorded()
 
-    def _check_motors(self, message: pb.Trial) -> None:
+    def _decode_recorded(
+        self,
+    ) -> tuple[tuple[Pose, ...], tuple[Command, ...], tuple[MotorState, ...], list[CompressedImage]]:
+        """Return what was recorded since the last trial."""
+        recorded = self.recorded
+        return (
+            codec.decode_poses(recorded["/robot/tracking"]),
+            codec.decode_commands(recorded["/motors/command"]),
+            codec.decode_states(recorded["/motors/state"]),
+            [CompressedImage.FromString(payload) for payload in recorded["/tracker/picture"]],
+        )
+
+    def _check_motors(
+        self, message: pb.Trial, suggestion: Suggestion, commands: Sequence[Command], states: Sequence[MotorState]
+    ) -> None:
         """Raise ValueError unless everything of a run is about the same number of motors."""
         gaits = [message.gait, *message.steering.plan]
         if message.HasField("recommendation"):
             gaits.append(message.recommendation.gait)
-        counts = {len(gait.frequency_hz) for gait in gaits} | {len(state.frequency_hz) for state in self.states}
-        known = (self.suggestion, *self.commands, *(logged.trial for logged in self.trials[:1]))
-        counts |= {each.gait.motor_count for each in known if each is not None}
+        counts = {len(gait.frequency_hz) for gait in gaits} | {len(state.frequency_hz) for state in states}
+        known = (suggestion.gait, *(each.gait for each in commands), *(each.trial.gait for each in self.trials[:1]))
+        counts |= {gait.motor_count for gait in known}
         motors = len(message.gait.frequency_hz)
         if counts != {motors} or not motors:
             raise ValueError(f"trial {message.number} is not about {motors} motors as the others are")

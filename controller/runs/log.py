@@ -284,11 +284,8 @@ def read_run(path: Path, recordings: bool = True) -> Run:
         UserError: the file does not exist, is not the log of a run, is damaged, or was written by a newer version.
     """
     path = path / LOG_NAME if path.is_dir() else path
-    contents = Contents(path, recordings)
     with _open(path) as file:
-        for _ in contents.read(file):
-            pass
-    return contents.run()
+        return Contents(path, recordings).read_all(file)
 
 
 def read_trials(path: Path) -> Iterator[LoggedTrial]:

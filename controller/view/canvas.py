@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _LACKING = re.compile(r"[^\n\t\x20-\x7e\xa1-\xac\xae-\u024f]")  # all Latin letters are there
 
 When = tuple[float, int]  # seconds since the run began, number of the trial
+Whens: TypeAlias = "Sequence[When] | Array"  # many of them, or as rows (n, 2)
 
 
 def drawable(text: str) -> str:
@@ -50,17 +51,20 @@ class Canvas:
         ]
         self._recording.log(f"{self.root}/{path}", batches, static=True)
 
-    def send(self, path: str, whens: Sequence[When], columns: rr.ComponentColumnList) -> None:
+    def send(self, path: str, whens: Whens, columns: rr.ComponentColumnList) -> None:
         """Send one row for each time in ``whens``; nothing where there is none."""
         import numpy as np
         import rerun as rr
 
-        if whens:
-            times_s, numbers = zip(*whens, strict=True)
+        if len(whens):
+            times_s, trials = np.array(whens, dtype=float).T  # which holds numbers of trials exactly
             for column in columns:
                 column.component_batch = _readable(column.component_batch)
-            nanoseconds = np.round(1e9 * np.array(times_s)).astype("timedelta64[ns]")  # Rerun would cut floats off
-            indexes = [rr.TimeColumn("time", duration=nanoseconds), rr.TimeColumn("trial", sequence=numbers)]
+            nanoseconds = np.round(1e9 * times_s).astype("timedelta64[ns]")  # Rerun would cut floats off
+            indexes = [
+                rr.TimeColumn("time", duration=nanoseconds),
+                rr.TimeColumn("trial", sequence=trials.astype(np.int64)),
+            ]
             self._recording.send_columns(f"{self.root}/{path}", indexes, columns)
             time.sleep(0.0)  # lets another thread go on: a live view must not hold up the loop that it shows
 

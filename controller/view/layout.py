@@ -10,6 +10,7 @@ import numpy as np
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.controller.view.chart import CHART_X, CHART_Y
+from vvvaltr.controller.view.scene_robot import find_path_m, list_drawable
 from vvvaltr.controller.view.speed_maps import MAP_X, MAP_Y, Pair, list_pairs, map_path
 
 if TYPE_CHECKING:
@@ -74,8 +75,8 @@ def _robot_view(run: Run, shown: Sequence[LoggedTrial], root: str) -> rrb.Spatia
     """Return a view of everywhere the robot went, from the front and a little above."""
     import rerun.blueprint as rrb
 
-    trails = [pose.position_m for logged in shown for pose in logged.trial.poses if pose.is_finite]
-    lowest, highest = (bound(trails or [(0.0, 0.0, 0.05)], axis=0) for bound in (np.min, np.max))
+    path_m = find_path_m([pose for logged in shown for pose in list_drawable(logged.trial)])
+    lowest, highest = (bound(path_m if len(path_m) else [(0.0, 0.0, 0.05)], axis=0) for bound in (np.min, np.max))
     centre, extent_m = (lowest + highest) / 2, max(0.2, float(np.max(highest - lowest)))
     eye = rrb.EyeControls3D(
         position=centre + (0.15 + 0.6 * extent_m) * np.array([0.2, -1.0, 0.3]),

@@ -8,20 +8,22 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
+from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Pose, Structure, Trial
 from vvvaltr.controller.runs.log import find_trial_span_ns
-from vvvaltr.controller.view.canvas import Canvas, When, join_strips
+from vvvaltr.controller.view.canvas import Canvas, When, Whens, join_strips
 from vvvaltr.controller.view.chart import Axes, Entry, list_legend, send_axes, send_chart, send_chart_styles
 from vvvaltr.controller.view.scatter_causes import ScatterCauses, find_causes, tell_scatter
 from vvvaltr.controller.view.scene_causes import send_causes
-from vvvaltr.controller.view.scene_forces import list_force_columns
 from vvvaltr.controller.view.scene_goals import send_goals
 from vvvaltr.controller.view.scene_photos import send_photos
+from vvvaltr.controller.view.scene_robot import find_path_m, list_drawable, send_poses
 from vvvaltr.controller.view.scene_styles import send_ground, send_motor_style, send_speed_styles, send_world_styles
 from vvvaltr.controller.view.speed_maps import Belief, send_map_frames, send_maps
 from vvvaltr.controller.view.watching import Moment
@@ -29,7 +31,6 @@ from vvvaltr.controller.view.words import describe, write_result, write_tables
 
 _CAUSES = 6  # times at which a run's causes of scatter are looked for: it takes a quarter of a second
 _LABEL_M = 0.07  # above the robot's centre
-_ARROW_M = 0.06  # length of a heading's arrow
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,7 @@ class _Placed:
     """A trial and its place on the time line, in seconds since the run began."""
 
     logged: LoggedTrial
+    poses: Sequence[Pose]  # those that can be drawn
     begin_s: float
     end_s: float
 
@@ -115,7 +117,8 @@ class Scene:
         if moment.drive_s is None:
             return
         if moment.pose is not None:
-            self._send_poses([((begin_s + max(0.0, moment.pose.t_s - moment.drive_s), moment.trial), moment.pose)])
+            when = begin_s + max(0.0, moment.pose.t_s - moment.drive_s), moment.trial
+            send_poses(self._canvas, self._structure, np.array([when]), [moment.pose])
         if moment.asked is None or moment.state is None:
             return
         when = begin_s + max(0.0, moment.state.t_s - moment.drive_s), moment.trial
@@ -141,7 +144,8 @@ class Scene:
     def _place(self, logged: LoggedTrial) -> _Placed:
         begin_ns, self._end_ns = find_trial_span_ns(logged.trial, after_ns=self._end_ns)
         self._begin_ns = begin_ns if self._begin_ns is None else self._begin_ns
-        placed = _Placed(logged, (begin_ns - self._begin_ns) / 1e9, (self._end_ns - self._begin_ns) / 1e9)
+        begin_s, end_s = ((at_ns - self._begin_ns) / 1e9 for at_ns in (begin_ns, self._end_ns))
+        placed = _Placed(logged, list_drawable(logged.trial), begin_s, end_s)
         self._trials.append(logged)
         self._ends.append(placed.end)
         return placed
@@ -151,7 +155,7 @@ class Scene:
         import rerun as rr
 
         begins = [it.begin for it in placed]
-        paths = [np.reshape([pose.position_m for pose in it.trial.poses if pose.is_finite], (-1, 3)) for it in placed]
+        paths = [find_path_m(it.poses) for it in placed]
         strips = join_strips(np.concatenate(paths), list(map(len, paths)))
         self._canvas.send("world/trail", begins, rr.LineStrips3D.columns(strips=strips))
         places = [np.array([0.0, 0.0, _LABEL_M]) + (path[0] if len(path) else 0.0) for path in paths]
@@ -159,73 +163,25 @@ class Scene:
         self._canvas.send("world/label", begins, rr.Points3D.columns(positions=places, labels=labels))
 
     def _send_robot(self, placed: Sequence[_Placed]) -> None:
-        self._send_poses(
-            [
-                ((it.begin_s + pose.t_s, it.trial.number), pose)
-                for it in placed
-                for pose in it.trial.poses
-                if pose.is_finite
-            ]
-        )
-
-    def _send_poses(self, poses: Sequence[tuple[When, Pose]]) -> None:
-        import rerun as rr
-
-        centres_m = np.reshape([pose.position_m for _, pose in poses], (-1, 3))
-        self._canvas.send("world/robot/centre", [when for when, _ in poses], rr.Points3D.columns(positions=centres_m))
-        self._send_headings([(when, pose) for when, pose in poses if not pose.markers_m])
-        if self._structure is not None:
-            self._send_edges("world/robot/struts", self._structure.struts, poses)
-            self._send_edges("world/robot/springs", self._structure.springs, poses)
-            for path, whens, columns in list_force_columns(self._structure, poses):
-                self._canvas.send(path, whens, columns)
-
-    def _send_headings(self, poses: Sequence[tuple[When, Pose]]) -> None:
-        """Send an arrow for each pose in which the tracker saw only the robot's position and heading."""
-        import rerun as rr
-
-        arrows = np.reshape([(math.cos(pose.yaw_rad), math.sin(pose.yaw_rad), 0.0) for _, pose in poses], (-1, 3))
-        origins = np.reshape([pose.position_m for _, pose in poses], (-1, 3))
-        columns = rr.Arrows3D.columns(vectors=_ARROW_M * arrows, origins=origins)
-        self._canvas.send("world/robot/heading", [when for when, _ in poses], columns)
-
-    def _send_edges(self, path: str, edges: Sequence[tuple[int, int]], poses: Sequence[tuple[When, Pose]]) -> None:
-        """Send a line for each pair of strut ends, for each pose in which the tracker saw all ends."""
-        import rerun as rr
-
-        ends = 1 + max((end for edge in edges for end in edge), default=0)
-        seen = [(when, pose.markers_m[:ends]) for when, pose in poses if len(pose.markers_m) >= ends]
-        if edges and seen:
-            points = np.array([markers_m for _, markers_m in seen])[:, np.array(edges)].reshape(-1, 3)
-            strips = join_strips(points, np.full(len(seen) * len(edges), 2))
-            columns = rr.LineStrips3D.columns(strips=strips).partition([len(edges)] * len(seen))
-            self._canvas.send(path, [when for when, _ in seen], columns)
+        whens = [(it.begin_s + pose.t_s, it.trial.number) for it in placed for pose in it.poses]
+        poses = [pose for it in placed for pose in it.poses]
+        send_poses(self._canvas, self._structure, np.reshape(whens, (-1, 2)), poses)
 
     def _send_motors(self, placed: Sequence[_Placed]) -> None:
-        trials = [it.trial for it in placed]
-        motor_count = max(trial.gait.motor_count for trial in trials)
+        motor_count = max(it.trial.gait.motor_count for it in placed)
         self._name_motors(motor_count)
-        for motor in range(motor_count):
-            commanded = [_points(((it.t_s, it.gait.frequency_hz) for it in trial.commands), motor) for trial in trials]
-            applied = [_points(((it.t_s, it.frequency_hz) for it in trial.states), motor) for trial in trials]
-            self._send_curve(f"motors/{motor + 1}/commanded", placed, commanded)
-            self._send_curve(f"motors/{motor + 1}/applied", placed, applied)
+        commanded = [[(each.t_s, *each.gait.frequency_hz) for each in it.trial.commands] for it in placed]
+        applied = [[(each.t_s, *each.frequency_hz) for each in it.trial.states] for it in placed]
+        for name, series in (("commanded", commanded), ("applied", applied)):
+            whens, values_hz = _join_curves(placed, series, motor_count)
+            for motor in range(motor_count):
+                self._send_scalars(f"motors/{motor + 1}/{name}", whens, values_hz[:, motor])
         self._send_faults(placed)
 
     def _name_motors(self, count: int) -> None:
         for motor in range(self._named_motors, count):
             send_motor_style(self._canvas, motor)
         self._named_motors = max(self._named_motors, count)
-
-    def _send_curve(
-        self, path: str, placed: Sequence[_Placed], curves: Sequence[Sequence[tuple[float, float]]]
-    ) -> None:
-        """Send a curve of (time, value) for each trial, with a gap after it."""
-        whens, values = [], []
-        for it, curve in zip(placed, curves, strict=True):
-            whens += [(it.begin_s + t_s, it.trial.number) for t_s, _ in curve] + [it.end]
-            values += [value for _, value in curve] + [math.nan]
-        self._send_scalars(path, whens, values)
 
     def _send_speeds(self, placed: Sequence[_Placed]) -> None:
         scored = [(it.end, it.logged.score) for it in placed if it.logged.score is not None]
@@ -286,11 +242,28 @@ class Scene:
         heights = [max(map(abs, it.trial.gait.frequency_hz), default=0.0) for it in failed]
         self._canvas.send("motors/fault", [it.end for it in failed], rr.Scalars.columns(scalars=heights))
 
-    def _send_scalars(self, path: str, whens: Sequence[When], values: Any) -> None:
+    def _send_scalars(self, path: str, whens: Whens, values: Any) -> None:
         import rerun as rr
 
         self._canvas.send(path, whens, rr.Scalars.columns(scalars=values))
 
 
-def _points(series: Iterable[tuple[float, Sequence[float]]], motor: int) -> list[tuple[float, float]]:
-    return [(t_s, values[motor]) for t_s, values in series if motor < len(values)]
+def _join_curves(
+    placed: Sequence[_Placed], curves: Sequence[Sequence[tuple[float, ...]]], motors: int
+) -> tuple[Array, Array]:
+    """Return times and trials (n, 2), and a value for each motor (n, motors), with a gap after each trial.
+
+    Each row of a trial's curve is a time and the values; where it lacks a motor's, there is a gap.
+    """
+    tables = []
+    for it, rows in zip(placed, curves, strict=True):
+        table = np.full((len(rows) + 1, 2 + motors), math.nan)
+        if rows:
+            columns = np.array(list(zip_longest(*rows, fillvalue=math.nan)))[: 1 + motors]
+            table[:-1, 1 : 1 + len(columns)] = columns.T
+        table[:, 0] = it.trial.number
+        table[:-1, 1] += it.begin_s
+        table[-1, 1] = it.end_s
+        tables.append(table)
+    joined = np.concatenate(tables)
+    return joined[:, [1, 0]], joined[:, 2:]

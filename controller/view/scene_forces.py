@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vvvaltr.controller.core.values import Forces, Pose, Structure, Vector
-from vvvaltr.controller.view.canvas import Canvas, When
+from vvvaltr.controller.view.canvas import Canvas
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -35,24 +35,24 @@ def send_force_styles(canvas: Canvas) -> None:
 
 
 def list_force_columns(
-    structure: Structure, poses: Sequence[tuple[When, Pose]]
-) -> Iterator[tuple[str, list[When], rr.ComponentColumnList]]:
-    """Yield the path, times and columns of each entity of the forces, for poses with their times."""
+    structure: Structure, poses: Sequence[Pose]
+) -> Iterator[tuple[str, list[int], rr.ComponentColumnList]]:
+    """Yield of each entity of the forces its path, the positions of the poses that have it, and its columns."""
     import rerun as rr
 
     if poses:
-        yield "world/robot/springs", [when for when, _ in poses], _spring_colours([pose.forces for _, pose in poses])
-    known = [(when, pose, pose.forces) for when, pose in poses if pose.forces is not None]
+        yield "world/robot/springs", list(range(len(poses))), _spring_colours([pose.forces for pose in poses])
+    known = [(row, pose, pose.forces) for row, pose in enumerate(poses) if pose.forces is not None]
     if not known:
         return
-    whens = [when for when, _, _ in known]
+    rows = [row for row, _, _ in known]
     points_m = [forces.contacts_m for _, _, forces in known]
     contacts = rr.Points3D.columns(positions=_rows(points_m)).partition(list(map(len, points_m)))
-    yield "world/robot/contacts", whens, contacts
-    yield "world/robot/ground_forces", whens, _arrows(points_m, [forces.contacts_n for _, _, forces in known])
+    yield "world/robot/contacts", rows, contacts
+    yield "world/robot/ground_forces", rows, _arrows(points_m, [forces.contacts_n for _, _, forces in known])
     pushes = [_pushes(structure, pose, forces) for _, pose, forces in known]
     middles_m, motors_n = ([[push[side] for push in each] for each in pushes] for side in (0, 1))
-    yield "world/robot/motor_forces", whens, _arrows(middles_m, motors_n)
+    yield "world/robot/motor_forces", rows, _arrows(middles_m, motors_n)
 
 
 def _spring_colours(each: Sequence[Forces | None]) -> rr.ComponentColumnList:

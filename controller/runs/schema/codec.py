@@ -5,7 +5,7 @@ Each ``decode_...`` raises ValueError where a message holds what no run writes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from itertools import chain
 from math import cos, sin
@@ -41,8 +41,9 @@ from vvvaltr.controller.runs.schema.limits import (
     MOST_MOTORS,
     bounded,
     check_message,
+    check_numbers,
     check_place,
-    check_time,
+    check_times,
     counted,
 )
 
@@ -172,13 +173,18 @@ def encode_tracking(pose: Pose) -> pb.Tracking:
     )
 
 
-def decode_tracking(message: pb.Tracking) -> Pose:
-    """Return the pose of a message."""
-    t_s, position_m = message.t_s, (message.x_m, message.y_m, message.z_m)
-    check_time(t_s)
+def decode_poses(payloads: Iterable[bytes]) -> tuple[Pose, ...]:
+    """Return the poses of a trial's messages."""
+    messages = [pb.Tracking.FromString(payload) for payload in payloads]
+    check_times([message.t_s for message in messages])
+    return tuple(map(_decode_tracking, messages))
+
+
+def _decode_tracking(message: pb.Tracking) -> Pose:
+    position_m = (message.x_m, message.y_m, message.z_m)
     check_place(*position_m)
     return Pose(
-        t_s,
+        message.t_s,
         position_m,
         message.yaw_rad,
         message.pitch_rad,
@@ -267,11 +273,15 @@ def encode_command(command: Command) -> pb.Command:
     return pb.Command(t_s=command.t_s, gait=encode_gait(command.gait), hold_s=command.hold_s)
 
 
-def decode_command(message: pb.Command) -> Command:
-    """Return the command of a message."""
-    t_s = message.t_s
-    check_time(t_s)
-    return Command(t_s, _decode_commanded(message.gait.SerializeToString()), *bounded("hold_s", (message.hold_s,)))
+def decode_commands(payloads: Iterable[bytes]) -> tuple[Command, ...]:
+    """Return the commands of a trial's messages."""
+    messages = [pb.Command.FromString(payload) for payload in payloads]
+    check_times([message.t_s for message in messages])
+    check_numbers("hold_s", [message.hold_s for message in messages])
+    return tuple(
+        Command(message.t_s, _decode_commanded(message.gait.SerializeToString()), message.hold_s)
+        for message in messages
+    )
 
 
 @lru_cache(64)
@@ -293,14 +303,17 @@ def encode_state(state: MotorState) -> pb.MotorState:
     )
 
 
-def decode_state(message: pb.MotorState) -> MotorState:
-    """Return the motors' state of a message."""
-    t_s = message.t_s
-    check_time(t_s)
-    return MotorState(
-        t_s,
-        counted("frequency_hz", message.frequency_hz, MOST_MOTORS),
-        message.measured,
-        counted("current_a", message.current_a, MOST_MOTORS),
-        counted("temperature_c", message.temperature_c, MOST_MOTORS),
+def decode_states(payloads: Iterable[bytes]) -> tuple[MotorState, ...]:
+    """Return the motors' states of a trial's messages."""
+    messages = [pb.MotorState.FromString(payload) for payload in payloads]
+    check_times([message.t_s for message in messages])
+    return tuple(
+        MotorState(
+            message.t_s,
+            counted("frequency_hz", message.frequency_hz, MOST_MOTORS),
+            message.measured,
+            counted("current_a", message.current_a, MOST_MOTORS),
+            counted("temperature_c", message.temperature_c, MOST_MOTORS),
+        )
+        for message in messages
     )

@@ -6,7 +6,7 @@ import fcntl
 import os
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from io import BytesIO, FileIO
 from pathlib import Path
 from typing import IO, NamedTuple, cast
@@ -38,6 +38,18 @@ class Entry(NamedTuple):
     topic: str
     log_time_ns: int
     payload: bytes
+
+
+class _Topics:
+    """The topics of a file's channels, of which some may be wanted alone."""
+
+    def __init__(self, wanted: Container[str] | None) -> None:
+        self._wanted = wanted
+        self.names: dict[int, str | None] = {}  # by channel; None for one that is passed over
+
+    def declare(self, channel: int, topic: str) -> None:
+        """Note the topic of a channel."""
+        self.names[channel] = topic if self._wanted is None or topic in self._wanted else None
 
 
 class TornFile(Exception):
@@ -125,10 +137,10 @@ def _collect(file: FileDescriptor, files: dict[str, FileDescriptor]) -> None:
     files.setdefault(file.name, file)
 
 
-def read_entries(file: IO[bytes]) -> Iterator[Entry]:
+def read_entries(file: IO[bytes], wanted: Container[str] | None = None) -> Iterator[Entry]:
     """Yield every message of a file that is open at its beginning, in the order in which they were written.
 
-    No more of it is in memory than one record.
+    No more of it is in memory than one record. With ``wanted``, messages on other topics are passed over.
 
     Raises:
         TornFile: the end is missing. All complete messages have been yielded.
@@ -139,7 +151,7 @@ def read_entries(file: IO[bytes]) -> Iterator[Entry]:
     if _read_at(file, 0) != MCAP0_MAGIC:
         raise DamagedFile("not an MCAP file")
     file.seek(0)
-    topics: dict[int, str] = {}
+    topics = _Topics(wanted)
     whole, wrong = 0, False
     try:
         for kind, content, end in _read_records(file, size):
@@ -185,14 +197,14 @@ def _read_records(file: IO[bytes], size: int) -> Iterator[tuple[int, bytes, int]
             return
 
 
-def _messages(kind: int, content: bytes, topics: dict[int, str]) -> list[Entry]:
+def _messages(kind: int, content: bytes, topics: _Topics) -> list[Entry]:
     """Return the messages in one record, and note the topics of the channels in it."""
     if kind != Opcode.CHUNK:
         return _split(_RECORD.pack(kind, len(content)) + content, topics)
     return _unpack(Chunk.read(ReadDataStream(BytesIO(content))), topics)
 
 
-def _unpack(chunk: Chunk, topics: dict[int, str]) -> list[Entry]:
+def _unpack(chunk: Chunk, topics: _Topics) -> list[Entry]:
     """Return the messages of a chunk, in a tenth of the time that the library takes for its objects."""
     if chunk.compression:
         raise DamagedFile("its chunks are compressed, which no run writes")
@@ -201,11 +213,12 @@ def _unpack(chunk: Chunk, topics: dict[int, str]) -> list[Entry]:
     return _split(chunk.data, topics)
 
 
-def _split(data: bytes, topics: dict[int, str]) -> list[Entry]:
+def _split(data: bytes, topics: _Topics) -> list[Entry]:
     """Return the messages in some records, and note the topics of the channels in them."""
     found, at, size = [], 0, len(data)
     head, message_head = _RECORD.size, _MESSAGE.size
-    read_record, read_message, message = _RECORD.unpack_from, _MESSAGE.unpack_from, int(Opcode.MESSAGE)
+    read_record, read_message, names = _RECORD.unpack_from, _MESSAGE.unpack_from, topics.names
+    message, declaration = int(Opcode.MESSAGE), int(Opcode.CHANNEL)
     while at < size:
         kind, length = read_record(data, at)
         begin = at + head
@@ -214,8 +227,9 @@ def _split(data: bytes, topics: dict[int, str]) -> list[Entry]:
             raise McapError("a record that is longer than its chunk")
         if kind == message:
             channel, _, log_time_ns, _ = read_message(data, begin)
-            found.append(Entry(topics[channel], log_time_ns, data[begin + message_head : at]))
-        elif kind == Opcode.CHANNEL:
+            if (topic := names[channel]) is not None:
+                found.append(Entry(topic, log_time_ns, data[begin + message_head : at]))
+        elif kind == declaration:
             inner = Channel.read(ReadDataStream(BytesIO(data[begin:at])))
-            topics[inner.id] = inner.topic
+            topics.declare(inner.id, inner.topic)
     return found
