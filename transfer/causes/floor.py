@@ -7,9 +7,10 @@ cut into pieces; piece k of trial i moved the robot by
 
 with the duration T, the mean rotation R_k of the piece, the velocity g that all trials of the gait share in the robot's
 frame, its deviation u_i in this trial, the drift s, its deviation e_i (gaits feel a floor differently), and the trial's
-weight w_i, the sum of its squared frequencies over the usual one. All of it is Gaussian, so g, u and e are integrated
-out exactly. How noisy a trial is, over the others, is taken from what its own fit leaves. The sizes of drift,
-deviations and noise are averaged over a grid by their evidence. For each of them a level floor competes, with s = 0 but
+weight w_i, the sum of its squared frequencies over the usual one. The gaits of a run scatter around a velocity of their
+own, of which nothing is known: g = g_0 + v. All of it is Gaussian, so v, u and e are integrated out exactly. How noisy
+a trial is, over the others, is taken from what its own fit leaves. The sizes of drift, deviations and noise, and how
+far gaits scatter, are averaged over a grid by their evidence. For each of them a level floor competes, with s = 0 but
 the same deviations: what only scatters is no drift.
 
 What a trial adds to a hypothesis depends on that trial and on the usual speed and weight alone, which are powers of 2.
@@ -34,15 +35,17 @@ _LEVEL = 0.25  # prior probability of a level floor
 _USUAL_NOISE = 0.45  # of a piece, over the trial's own speed
 _COUNTS = 3.0  # number of coordinates as which the usual noise counts beside what a trial's own fit leaves
 _USUAL_DRIFT = 0.5  # over the usual speed, in that fit
-_NOISES = (0.45, 1.0, 2.2)  # of the pieces, over what is found of each trial by itself
+_NOISES = (0.45, 1.0)  # of the pieces, over what is found of each trial by itself
 _CHANGES = (0.1, 0.3)  # of a gait from trial to trial, over the trial's own speed
 _DIFFERS = 0.35  # standard deviation of e over the size of the drift
 _LEAST_M = 0.0005  # noise of a piece that hardly moves
 _SURE = 0.95  # probability of a drift at which it is told
 _LEAST_SHARE = 1e-3  # probability below which a hypothesis says nothing of single trials
-_WIDE = 3.0  # standard deviation of g, over the usual speed
+_SPREADS = (0.3, 0.6, 1.2)  # standard deviation of v, over the usual speed
+_WIDE = 3.0  # standard deviation of g_0, over the usual speed
 
-_GRID = np.array(list(product(_SIZES, _NOISES, _CHANGES)))  # (hypotheses, 3)
+_OF_TRIALS = np.array(list(product(_SIZES, _NOISES, _CHANGES)))  # (hypotheses of what a trial adds, 3)
+_GRID = np.repeat(_OF_TRIALS, len(_SPREADS), axis=0)  # (hypotheses, 3)
 _IS_INCLINED = _GRID[:, 0] > 0.0
 _LOG_PRIOR = math.log((1.0 - _LEVEL) / _IS_INCLINED.sum())
 _LOG_PRIOR_LEVEL = math.log(_LEVEL / len(_GRID))
@@ -96,21 +99,21 @@ _Key = tuple[int, float, float]  # of a trial: identity of its pieces, share of 
 
 @dataclass(frozen=True, slots=True)
 class _Added:
-    """What a trial adds to each hypothesis: precision and pull of own velocity and drift, and minus twice the log."""
+    """What a trial adds to each hypothesis of it: precision and pull of g and drift, and minus twice the log."""
 
-    precision: Array  # (hypotheses, 4, 4)
-    pull: Array  # (hypotheses, 4)
-    value: Array  # (hypotheses,)
+    precision: Array  # (hypotheses of trials, 4, 4)
+    pull: Array  # (hypotheses of trials, 4)
+    value: Array  # (hypotheses of trials,)
 
 
 @dataclass(frozen=True, slots=True)
 class _OfGait:
-    """What the trials of a gait add, its own velocity integrated out: the last of ``cross`` is that at no drift."""
+    """What the trials of a gait add, v integrated out: it is the last of ``cross`` less the others times g_0 and s."""
 
-    precision: Array  # of the drift, (hypotheses, 2, 2)
-    pull: Array  # (hypotheses, 2)
+    precision: Array  # of g_0 and the drift, (hypotheses, 4, 4)
+    pull: Array  # (hypotheses, 4)
     value: Array  # (hypotheses,)
-    cross: Array  # (hypotheses, 2, 3)
+    cross: Array  # (hypotheses, 2, 5)
 
 
 class DriftLearner:
@@ -223,7 +226,7 @@ def _add(pieces: tuple[Piece, ...], share: float, usual_m_s: float) -> _Added:
     design[:, :, 2:] = share * np.eye(2)
     x = (duration_s[:, None, None] * design).reshape(-1, 4)
     y = np.array([piece.moved_m for piece in pieces]).ravel()
-    speed_m_s, (sizes, factors, changes) = find_speed_m_s(pieces), _GRID.T
+    speed_m_s, (sizes, factors, changes) = find_speed_m_s(pieces), _OF_TRIALS.T
     own, floor = (changes * speed_m_s) ** 2, (_DIFFERS * sizes * usual_m_s) ** 2
     spread = np.stack([own, own, floor, floor], axis=1)
     covariance = (x * spread[:, None, :]) @ x.T
@@ -252,19 +255,17 @@ def _compare_noise(x: Array, y: Array, speed_m_s: float, usual_m_s: float) -> fl
 
 
 def _combine(added: Sequence[_Added], usual_m_s: float) -> _OfGait:
-    """Return what the trials of one gait add, its own velocity integrated out."""
-    precision, pull = sum(it.precision for it in added), sum(it.pull for it in added)
-    assert isinstance(precision, np.ndarray) and isinstance(pull, np.ndarray)
-    wide = (_WIDE * usual_m_s) ** 2
-    known = precision[:, :2, :2] + np.eye(2) / wide
-    cross, determinant = _solve_2(known, np.concatenate([precision[:, :2, 2:], pull[:, :2, None]], axis=-1))
-    value = sum(it.value for it in added) + np.log(wide**2 * determinant) - (pull[:, :2] * cross[..., 2]).sum(axis=-1)
-    return _OfGait(
-        precision[:, 2:, 2:] - precision[:, 2:, :2] @ cross[..., :2],
-        pull[:, 2:] - (precision[:, 2:, :2] @ cross[..., 2:])[..., 0],
-        value,
-        cross,
+    """Return what the trials of one gait add, v integrated out."""
+    precision, pull, value = (
+        np.repeat(sum(getattr(it, name) for it in added), len(_SPREADS), axis=0)
+        for name in ("precision", "pull", "value")
     )
+    variance = np.tile((np.array(_SPREADS) * usual_m_s) ** 2, len(_OF_TRIALS))
+    known = precision[:, :2, :2] + np.eye(2) / variance[:, None, None]
+    cross, determinant = _solve_2(known, np.concatenate([precision[:, :2], pull[:, :2, None]], axis=-1))
+    left = precision[:, :, :2] @ cross
+    value += np.log(variance**2 * determinant) - (pull[:, :2] * cross[..., 4]).sum(axis=-1)
+    return _OfGait(precision - left[..., :4], pull - left[..., 4], value, cross)
 
 
 def _conclude(
@@ -276,13 +277,20 @@ def _conclude(
 ) -> Drift:
     """Return the drift at the usual weight from what all trials and their gaits add."""
     value = np.sum([it.value for it in of_gaits], axis=0)
-    variance = np.maximum((_GRID[:, 0] * usual_m_s) ** 2, 1e-30)[:, None, None]
-    information = np.sum([it.precision for it in of_gaits], axis=0) + np.eye(2) / variance
-    pulled_s = np.sum([it.pull for it in of_gaits], axis=0)
+    precision = np.sum([it.precision for it in of_gaits], axis=0)
+    pulled = np.sum([it.pull for it in of_gaits], axis=0)
+    wide, variance = (_WIDE * usual_m_s) ** 2, np.maximum((_GRID[:, 0] * usual_m_s) ** 2, 1e-30)
+    precision[:, :2, :2] += np.eye(2) / wide
+    own, determinant = _solve_2(
+        precision[:, :2, :2], np.concatenate([precision[:, :2, 2:], pulled[:, :2, None]], axis=-1)
+    )
+    value += np.log(wide**2 * determinant) - (pulled[:, :2] * own[..., 2]).sum(axis=-1)
+    level = _LOG_PRIOR_LEVEL - 0.5 * value
+    information = precision[:, 2:, 2:] - precision[:, 2:, :2] @ own[..., :2] + np.eye(2) / variance[:, None, None]
+    pulled_s = pulled[:, 2:] - (precision[:, 2:, :2] @ own[..., 2:])[..., 0]
     covariances = np.linalg.inv(information)
     means = (covariances @ pulled_s[..., None])[..., 0]
-    level = _LOG_PRIOR_LEVEL - 0.5 * value
-    value += np.linalg.slogdet(variance * information)[1] - (pulled_s * means).sum(axis=1)
+    value += np.linalg.slogdet(variance[:, None, None] * information)[1] - (pulled_s * means).sum(axis=1)
     inclined = np.where(_IS_INCLINED, _LOG_PRIOR - 0.5 * value, -np.inf)
     greatest = max(level.max(), inclined.max())
     share = np.exp(inclined - greatest)
@@ -291,7 +299,9 @@ def _conclude(
     mean = share @ means
     covariance = np.einsum("h,hij->ij", share, covariances + means[:, :, None] * means[:, None, :])
     covariance -= np.outer(mean, mean)
-    of_trials = shares[:, None] * (mean + _find_deviations(added, of_gaits, group, means, share, usual_m_s))
+    own_means = own[..., 2] - (own[..., :2] @ means[..., None])[..., 0]
+    both = np.concatenate([own_means, means], axis=1)
+    of_trials = shares[:, None] * (mean + _find_deviations(added, of_gaits, group, both, share, usual_m_s))
     return Drift(mean, covariance, probability, 1.0, of_trials)
 
 
@@ -307,9 +317,11 @@ def _find_deviations(
     kept = np.flatnonzero(share > _LEAST_SHARE)
     if not len(kept):
         return np.zeros((len(added), 2))
-    cross = np.array([it.cross[kept] for it in of_gaits])
-    own = cross[..., 2] - np.einsum("ghij,hj->ghi", cross[..., :2], means[kept])
-    theta = np.concatenate([own, np.broadcast_to(means[kept], own.shape)], axis=-1)[group]
-    precision, pull = np.array([it.precision[kept, 2:] for it in added]), np.array([it.pull[kept, 2:] for it in added])
+    cross, of_trial = np.array([it.cross[kept] for it in of_gaits]), kept // len(_SPREADS)
+    theta = np.broadcast_to(means[kept], (len(cross), *means[kept].shape)).copy()
+    theta[..., :2] += cross[..., 4] - np.einsum("ghij,hj->ghi", cross[..., :4], means[kept])
+    theta = theta[group]
+    precision = np.array([it.precision[of_trial, 2:] for it in added])
+    pull = np.array([it.pull[of_trial, 2:] for it in added])
     left = pull - np.einsum("nhij,nhj->nhi", precision, theta)
     return np.asarray(np.einsum("h,nhi->ni", share[kept] * (_DIFFERS * _GRID[kept, 0] * usual_m_s) ** 2, left))

@@ -121,4 +121,4 @@ def test_drives_that_were_far_more_uneven_than_others_count_less():
         assert drift is not None
         off_deg.append(math.degrees(abs(math.remainder(drift.azimuth_rad - math.atan2(-3, 4), math.tau))))
 
-    assert np.quantile(off_deg, 0.8) < 9.0  # 15 where all count alike
+    assert np.quantile(off_deg, 0.8) < 12.0  # 21 where all count alike
