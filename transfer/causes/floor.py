@@ -317,11 +317,11 @@ def _find_deviations(
     kept = np.flatnonzero(share > _LEAST_SHARE)
     if not len(kept):
         return np.zeros((len(added), 2))
-    cross, of_trial = np.array([it.cross[kept] for it in of_gaits]), kept // len(_SPREADS)
-    theta = np.broadcast_to(means[kept], (len(cross), *means[kept].shape)).copy()
-    theta[..., :2] += cross[..., 4] - np.einsum("ghij,hj->ghi", cross[..., :4], means[kept])
-    theta = theta[group]
-    precision = np.array([it.precision[of_trial, 2:] for it in added])
-    pull = np.array([it.pull[of_trial, 2:] for it in added])
-    left = pull - np.einsum("nhij,nhj->nhi", precision, theta)
+    cross = np.array([it.cross for it in of_gaits])[:, kept]
+    theta = np.repeat(means[None, kept], len(cross), axis=0)
+    theta[..., :2] += cross[..., 4] - (cross[..., :4] @ means[kept][..., None])[..., 0]
+    of_trial = kept // len(_SPREADS)
+    precision = np.array([it.precision[:, 2:] for it in added])[:, of_trial]
+    pull = np.array([it.pull[:, 2:] for it in added])[:, of_trial]
+    left = pull - (precision @ theta[group][..., None])[..., 0]
     return np.asarray(np.einsum("h,nhi->ni", share[kept] * (_DIFFERS * _GRID[kept, 0] * usual_m_s) ** 2, left))
