@@ -1,6 +1,7 @@
 """Every method on an emulator of real trials: true value of what it recommends, in % of the best candidate.
 
 python -m benchmarks.replay TABLE.csv ... --json
+python -m benchmarks.replay TUESDAY.csv --source MONDAY.csv --methods drive,efficient,guarded
 
 A table has a line of column names and then one line per trial: the motors' speeds in columns RPM_1, RPM_2 and so on,
 whose signs are the senses of rotation, and the score in the column Displacement_mm. All tables are pooled. Speeds are
@@ -9,8 +10,9 @@ placed in the unit cube over plus and minus the greatest of them.
 A trial of the emulator has the score of one of the 4 nearest real trials, drawn at random; the true value of a gait is
 the mean of the 12 nearest (6 where there are fewer than 200 trials). The best is sought among 700 candidates: 500
 uniform ones, and 200 with one to three motors at full speed. A method that learns from an earlier run is given 40
-trials of Plain-BO on the spatial twin, where that has as many motors. Everything is fixed, so that figures of different
-versions compare. ``benchmarks/replay_twin.csv`` is an example: 100 random gaits of the planar twin.
+trials of Plain-BO on the spatial twin, where that has as many motors, or the trials of another table. Everything is
+fixed, so that figures of different versions compare. ``benchmarks/replay_twin.csv`` is an example: 100 random gaits of
+the planar twin.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ import numpy as np
 from benchmarks.figures import make_parser
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.protocols import Optimizer
-from vvvaltr.controller.core.values import GaitSpace, Source
+from vvvaltr.controller.core.values import Gait, GaitSpace, Source
 from vvvaltr.transfer.methods.registry import METHODS, make_optimizer
 
 SCORE, SPEED = "Displacement_mm", "RPM_"
@@ -112,6 +114,12 @@ def make_source() -> Source:
     return Source(source.name, source.gaits, tuple(1e3 * TRIAL_S * score for score in source.scores))
 
 
+def read_source(table: Path) -> Source:
+    """Return the trials of a table as a source. Exits with the reason where it cannot be used."""
+    rows = read_table(table)
+    return Source(table.stem, tuple(Gait(tuple(row[:-1] / 60.0)) for row in rows), tuple(rows[:, -1].tolist()))
+
+
 def replay(optimizer: Optimizer, emulator: Emulator, number: int) -> list[float]:
     """Return the true values in mm of what is recommended at the checkpoints."""
     found, rng = [], np.random.default_rng([CANDIDATE_SEED, number])
@@ -124,15 +132,17 @@ def replay(optimizer: Optimizer, emulator: Emulator, number: int) -> list[float]
     return found
 
 
-def measure(emulator: Emulator, methods: Sequence[str], replays: int) -> tuple[float, dict[str, dict[str, float]]]:
+def measure(
+    emulator: Emulator, methods: Sequence[str], replays: int, source: Path | None = None
+) -> tuple[float, dict[str, dict[str, float]]]:
     """Return the best in mm, and for every method the mean true value at each checkpoint in % of it."""
     best_mm, figures, sources = emulator.best_mm(), {}, []
     if any(METHODS[name].uses_sources for name in methods):
-        sources = [make_source()]
+        sources = [read_source(source) if source else make_source()]
     for name in methods:
         given = sources if METHODS[name].uses_sources else []
         if given and given[0].gaits[0].motor_count != emulator.space.motor_count:
-            print(f"{name:12} is left out: its source, the spatial twin, has other motors", file=sys.stderr)
+            print(f"{name:12} is left out: its source, {given[0].name}, has other motors", file=sys.stderr)
             continue
         runs = [replay(make_optimizer(name, emulator.space, r, given), emulator, r) for r in range(replays)]
         percent = 100.0 * np.array(runs) / best_mm
@@ -149,12 +159,13 @@ def main() -> None:
     parser.add_argument("tables", nargs="+", type=Path, metavar="CSV", help="tables of trials; they are pooled")
     parser.add_argument("--methods", type=_methods, default=tuple(METHODS), help="names, with commas (default all)")
     parser.add_argument("--replays", type=int, default=REPLAYS, help=f"runs of each method (default {REPLAYS})")
+    parser.add_argument("--source", type=Path, metavar="CSV", help="trials to learn from first (default the twin's)")
     arguments = parser.parse_args()
     if arguments.replays < 1:
         parser.error(f"--replays is {arguments.replays}: give 1 or more")
     emulator = Emulator.of(arguments.tables)
     print(f"{len(emulator.scores_mm)} trials; % of the best candidate after {CHECKPOINTS} trials, +- standard error")
-    best_mm, figures = measure(emulator, arguments.methods, arguments.replays)
+    best_mm, figures = measure(emulator, arguments.methods, arguments.replays, arguments.source)
     if arguments.json:
         print(json.dumps({"best": best_mm, "methods": figures}))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import replay
-from benchmarks.replay import CHECKPOINTS, Emulator
+from benchmarks.replay import CHECKPOINTS, Emulator, read_source
 
 TWIN_MADE = Path(replay.__file__).with_name("replay_twin.csv")
 
@@ -55,3 +55,11 @@ def test_a_table_that_cannot_be_used_is_named_with_the_cure(tmp_path: Path, text
     table.write_text(text)
     with pytest.raises(SystemExit, match=rf"trials.csv: .*{complaint}"):
         Emulator.of([table])
+
+
+def test_a_source_is_the_trials_of_another_table() -> None:
+    source = read_source(TWIN_MADE)
+    rows = replay.read_table(TWIN_MADE)
+    assert source.name == "replay_twin"
+    assert source.scores == tuple(rows[:, -1])
+    assert source.gaits[0].frequency_hz == pytest.approx(tuple(rows[0, :-1] / 60.0))
