@@ -51,11 +51,11 @@ class Observations:
 
     def _covered(self, count: int) -> list[Array]:
         """Return all but the values of the first observations."""
-        everywhere = np.broadcast_to(self.coupling, (len(self.y), len(self.y)))
         loading = np.broadcast_to(self.loading, len(self.y))
+        coupling = np.asarray(self.coupling)
+        coupled = coupling[:count, :count] if coupling.ndim else coupling  # mostly 1: no matrix of ones to compare
         trend = np.empty((count, 0)) if self.trend is None else self.trend[:count]
-        noise = [self.given[:count], self.share[:count]]
-        return [self.x[:count], *noise, loading[:count], everywhere[:count, :count], trend]
+        return [self.x[:count], self.given[:count], self.share[:count], loading[:count], coupled, trend]
 
     def of_trend(self) -> Array | float:
         """Return the part (n, n) of the covariance that is due to the coefficients of the trends."""

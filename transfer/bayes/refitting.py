@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations
@@ -93,6 +94,11 @@ def follow(trials: Trials, last: Fitted | None, observe: Observe, find: Find) ->
     process = find(observe(rows), last)
     learned = {} if last is None else last.learned
     return Conditioned(process.hyperparameters, len(trials), learned, rows, len(trials), process)
+
+
+def goes_on(last: Fitted | None, now: Conditioned) -> TypeGuard[Conditioned]:
+    """Whether the last fit still holds ``now``: its processes can then be extended."""
+    return isinstance(last, Conditioned) and not now.is_of(now.told)
 
 
 def needs_fit(now: Conditioned) -> bool:

@@ -25,6 +25,10 @@ from vvvaltr.transfer.causes.strength import StrengthLearner
 RATIO_TRIALS = 60
 """Number of trials that tell what a motor applies of its command; later ones do not change it."""
 
+LATE = 40
+"""The floor is learned anew after each trial of the first 80, and then once there is a fortieth of them more. Until
+then the floor's mean drift is taken off the last trials."""
+
 STRENGTH, FLOOR_PROBABILITY = "strength", "floor_probability"
 FLOOR_X, FLOOR_Y, FLOOR_SD = "floor_x_m_s", "floor_y_m_s", "floor_sd_m_s"
 CAUSES = (STRENGTH, FLOOR_X, FLOOR_Y, FLOOR_SD, FLOOR_PROBABILITY)
@@ -63,6 +67,14 @@ class Corrected:
         return {name: float(number) for name, number in found.items()}
 
 
+@dataclass(frozen=True, slots=True)
+class _Floor:
+    """What was learned of the floor: the scores of the trials that it was learned from without it, and its drift."""
+
+    scores: Array
+    drift: Drift | None
+
+
 class Corrector:
     """Corrects the trials of one run, again after each. It keeps what it computed; the results do not depend on it.
 
@@ -77,6 +89,7 @@ class Corrector:
         self._drifts = DriftLearner()
         self._strengths = StrengthLearner()
         self._gaits = _Applied()
+        self._floor: _Floor | None = None  # as last learned
 
     def correct(self, history: Sequence[Told]) -> Corrected:
         """Return the trials told so far, freed of what is not their gaits'; those without evidence as they are."""
@@ -92,21 +105,43 @@ class Corrector:
         return Corrected(self._gaits.find(history), scores, strengths, drift)
 
     def _take_off_floor(self, trials: Sequence[Told], scores: Array) -> tuple[Array, Drift | None]:
+        """Return the scores without what the floor added, and the drift, of which the last trials may not tell yet."""
+        count = _count_settled(len(trials))
+        if self._floor is None or len(self._floor.scores) != count:
+            self._floor = self._learn_floor(trials[:count], scores[:count])
+        drift, level = self._floor.drift, scores.copy()
+        level[:count] = self._floor.scores
+        if drift is not None and count < len(trials):
+            stood = _find_standing(trials)
+            for i in range(count, len(trials)):
+                if _tells_floor(trials[i]) and not stood[i]:
+                    level[i] = _without(trials[i], drift.during(weigh(trials[i].gait.frequency_hz), 1.0).tolist())
+        return level, drift
+
+    def _learn_floor(self, trials: Sequence[Told], scores: Array) -> _Floor:
         stood = _find_standing(trials)
-        cut = [i for i, told in enumerate(trials) if told.evidence and len(told.evidence.pieces) > 1 and not stood[i]]
+        cut = [i for i, told in enumerate(trials) if _tells_floor(told) and not stood[i]]
         weights = [weigh(trials[i].gait.frequency_hz) for i in cut]
         pieces = [trials[i].evidence.pieces for i in cut]  # type: ignore[union-attr]
         drift = self._drifts.learn([trials[i].gait for i in cut], pieces, weights)
-        if drift is None:
-            return scores, None
         level = scores.copy()
-        for i, added_m_s in zip(cut, drift.of_trials_m_s.tolist(), strict=True):
-            level[i] = _without(trials[i], added_m_s)
-        return level, drift
+        if drift is not None:
+            for i, added_m_s in zip(cut, drift.of_trials_m_s.tolist(), strict=True):
+                level[i] = _without(trials[i], added_m_s)
+        return _Floor(level, drift)
 
     def _follow_strength(self, trials: Sequence[Told], scores: Array) -> Array:
         places = np.array([told.gait.frequency_hz for told in trials]) / self._span_hz
         return np.asarray(np.exp(self._strengths.follow(places, np.abs(scores))))
+
+
+def _count_settled(trials: int) -> int:
+    """Return the number of the first trials that the floor is learned from."""
+    return trials - trials % max(1, trials // LATE)
+
+
+def _tells_floor(told: Told) -> bool:
+    return told.evidence is not None and len(told.evidence.pieces) > 1
 
 
 def _without(told: Told, added_m_s: Sequence[float]) -> float:

@@ -17,9 +17,8 @@ from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.driven import Driven, observe_drive, rise_of
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.initial_design import propose_design
-from vvvaltr.transfer.bayes.kernel import Hyperparameters
 from vvvaltr.transfer.bayes.proposal import Proposal, begin_with
-from vvvaltr.transfer.bayes.refitting import Conditioned, Fitted, follow
+from vvvaltr.transfer.bayes.refitting import Conditioned, Fitted, follow, goes_on
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.search import Search
 from vvvaltr.transfer.bayes.trials import Trials
@@ -84,14 +83,19 @@ class Hypotheses:
     processes: tuple[GaussianProcess, ...]
 
     @classmethod
-    def condition(
-        cls, drive: Drive, rows: Trials, scale: Scale, hyperparameters: Hyperparameters, last: Sequence[GaussianProcess]
-    ) -> Hypotheses:
-        """Return the hypotheses given these rows: the first of the ``last`` processes extended, or else new ones."""
-        observed = [observe_drive(drive, rows, scale, zone) for zone in list_zones(drive)]
-        if last:
-            return cls.of(drive, [one.extend(rows_) for one, rows_ in zip(last, observed, strict=False)])
-        return cls.of(drive, [GaussianProcess.condition(rows_, hyperparameters) for rows_ in observed])
+    def condition(cls, drive: Drive, fitted: Conditioned, scale: Scale, last: Fitted | None) -> Hypotheses:
+        """Return the hypotheses given the rows of a fit: the processes of the ``last`` one extended, or else new ones.
+
+        The fit's own process, which has been extended already, is one of them.
+        """
+        observed = [observe_drive(drive, fitted.rows, scale, zone) for zone in list_zones(drive)]
+        if not goes_on(last, fitted):
+            return cls.of(drive, [GaussianProcess.condition(rows, fitted.hyperparameters) for rows in observed])
+        extended = [
+            fitted.process if one is last.process else one.extend(rows)
+            for one, rows in zip(last.others, observed, strict=False)
+        ]
+        return cls.of(drive, extended)
 
     @classmethod
     def of(cls, drive: Drive, processes: Sequence[GaussianProcess]) -> Hypotheses:
@@ -149,11 +153,9 @@ def learn_driven(
         lambda rows: observe_drive(drive, rows, scale, zone),
         partial(refit, trials=len(trials), rng=rng, follows=True),
     )
-    is_longer = isinstance(last, Conditioned) and not fitted.is_of(len(trials))
-    before = last.others if is_longer and isinstance(last, Conditioned) else ()
-    hypotheses = Hypotheses.condition(drive, fitted.rows, scale, fitted.hyperparameters, before)
+    hypotheses = Hypotheses.condition(drive, fitted, scale, last)
     fitted = replace(fitted, others=hypotheses.processes)
-    if not is_longer:
+    if not goes_on(last, fitted):
         best = hypotheses.best()
         fitted = replace(fitted, process=hypotheses.processes[best], learned={DEAD_ZONE: hypotheses.zones[best]})
     return believe(space, scale, fitted, hypotheses)

@@ -19,7 +19,7 @@ from vvvaltr.transfer.bayes.fitting import Prior, fit
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.kernel import Observations
 from vvvaltr.transfer.bayes.proposal import Proposal, begin_with, maximise_improvement
-from vvvaltr.transfer.bayes.refitting import EVERY_TRIAL, Conditioned, Fitted, follow
+from vvvaltr.transfer.bayes.refitting import EVERY_TRIAL, Conditioned, Fitted, follow, goes_on
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.search import Search
 from vvvaltr.transfer.bayes.trials import Trials
@@ -77,7 +77,7 @@ class Guarded(Search):
         def choose(trials: Trials, belief: Belief, rng: np.random.Generator) -> Proposal:
             if len(trials) % 2:
                 belief = believe_target(space, drive, trials, belief, rng)
-            return maximise_improvement(belief, rng)
+            return maximise_improvement(belief, rng, len(trials))
 
         super().__init__(space, seed, learn, begin_with(propose_best(runs), choose))
 
@@ -148,10 +148,9 @@ def learn_with_doubt(
 
     zone = 0.0 if last is None else last.learned.get(DEAD_ZONE, 0.0)
     fitted = follow(trials, last, lambda rows: observe_drive(drive, rows, scale, zone), find)
-    is_longer = isinstance(last, Conditioned) and not fitted.is_of(len(trials))
-    before = last.others if is_longer and isinstance(last, Conditioned) else ()
-    alone = Hypotheses.condition(drive, fitted.rows, scale, fitted.hyperparameters, before)
-    if not is_longer:
+    before = last.others if goes_on(last, fitted) else ()
+    alone = Hypotheses.condition(drive, fitted, scale, last)
+    if not goes_on(last, fitted):
         zone = alone.zones[alone.best()]
         fitted = replace(fitted, process=alone.processes[alone.best()], learned={DEAD_ZONE: zone})
     coupled = [couple_drive(drive, runs, fitted.rows, scale, choice, zone) for choice in correlations[1:]]

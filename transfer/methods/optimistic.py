@@ -34,7 +34,7 @@ class Optimistic(Search):
         def propose(trials: Trials, belief: Belief | None, rng: np.random.Generator) -> Proposal:
             if belief is None:
                 return Proposal(rng.random(space.dimension), "random")
-            return maximise_improvement(raise_prior_mean(belief, OPTIMISM_SD), rng)
+            return maximise_improvement(raise_prior_mean(belief, OPTIMISM_SD), rng, len(trials))
 
         super().__init__(space, seed, partial(learn_alone, space), propose)
 

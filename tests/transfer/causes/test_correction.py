@@ -50,6 +50,21 @@ def test_the_floor_is_taken_off_the_scores():
     assert math.degrees(abs(corrected.drift.azimuth_rad - math.atan2(-3, 4))) < 15
 
 
+def test_late_in_a_run_the_last_trials_lose_the_floors_mean_drift_until_it_is_learned_anew():
+    inclined, level = drives(np.random.default_rng(6), 83)
+    one_by_one = Corrector(100.0)
+
+    settled, late, anew = (one_by_one.correct(inclined[:count]) for count in (80, 81, 82))
+
+    assert late.drift is settled.drift is not None
+    assert np.array_equal(late.scores[:80], settled.scores)
+    added_m_s = late.drift.during(sum(hz * hz for hz in inclined[80].gait.frequency_hz), 1.0)
+    assert late.scores[80] == pytest.approx(math.hypot(*(inclined[80].evidence.velocity_m_s - added_m_s)))
+    assert abs(late.scores[80] - level[80]) < abs(inclined[80].score - level[80])
+    assert anew.drift is not settled.drift
+    assert np.array_equal(Corrector(100.0).correct(inclined[:81]).scores, late.scores)
+
+
 def test_on_a_level_floor_the_scores_stay_nearly_as_they_are():
     level, scores = drives(np.random.default_rng(1), 12, (0.0, 0.0))
 

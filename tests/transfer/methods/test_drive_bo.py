@@ -6,6 +6,7 @@ import pytest
 from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.driven import Driven
+from vvvaltr.transfer.bayes.refitting import Conditioned
 from vvvaltr.transfer.bayes.trials import Trials
 from vvvaltr.transfer.methods.drive import DriveBO, Hypotheses, learn_driven
 from vvvaltr.transfer.methods.plain_bo import INITIAL_TRIALS, PlainBO
@@ -134,11 +135,10 @@ def test_the_mixture_has_the_moments_of_its_hypotheses() -> None:
 
 def test_hypotheses_that_are_extended_are_those_conditioned_on_all_trials() -> None:
     rng, drive = np.random.default_rng(9), Drive.of(SIGNED)
-    rows = Trials(rng.random((9, 3)), rng.random(9))
-    belief = learn_driven(SIGNED, drive, rows, None, rng)
-    fitted = belief.fitted
-    assert fitted is not None
-    first = Hypotheses.condition(drive, rows.part(slice(6)), belief.scale, fitted.hyperparameters, ())
-    longer = Hypotheses.condition(drive, rows, belief.scale, fitted.hyperparameters, first.processes)
-    anew = Hypotheses.condition(drive, rows, belief.scale, fitted.hyperparameters, ())
+    rows = Trials(rng.random((72, 3)), rng.random(72))
+    fitted = learn_driven(SIGNED, drive, rows.part(slice(70)), None, rng).fitted
+    belief = learn_driven(SIGNED, drive, rows, fitted, rng)
+    assert isinstance(belief.fitted, Conditioned) and belief.fitted.is_of(70)  # so it goes on from that fit
+    longer = Hypotheses.of(drive, belief.fitted.others)
+    anew = Hypotheses.condition(drive, belief.fitted, belief.scale, None)
     assert longer.chances() == pytest.approx(anew.chances(), rel=1e-9)
