@@ -48,7 +48,7 @@ def test_the_ros_node_sends_what_the_tracker_understands(angles):
 
 def test_the_ros_node_never_sends_what_is_no_number_as_a_pose():
     told = decode_pose(ros_node().datagram(7, stamped((float("nan"), 0.0, 0.0), (0.0, 0.0, 0.0))))
-    assert told.pose is None and told.is_gap
+    assert told.pose is None and told.missing == "position_m"
 
 
 def test_the_ros_node_forwards_what_it_subscribes_to(monkeypatch):

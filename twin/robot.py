@@ -220,6 +220,7 @@ class TwinTracker:
         self._node_shares = driven.engine.body.node_shares
         nodes = len(self._node_shares)
         self._noise = np.repeat([noise.position_m, noise.angle_rad], [3 * (1 + nodes), 3])
+        self.is_exact = noise.position_m == 0.0
         self.random = stream(0, 0, "tracker")
 
     def pose(self) -> Pose:

@@ -17,7 +17,9 @@ from vvvaltr.controller.loop.at_rest import MEDIAN_TO_MEAN, average_at_rest, sta
 _WINDOW_S = 1.0  # in which the share of dropped poses is judged
 _LARGEST_SHARE = 0.4
 _FEWEST_DROPPED = 4  # one outlier among few poses is still one outlier
-_FEWEST_FROZEN = 5  # poses with new time stamps and the same numbers, to the last digit
+_FEWEST_FROZEN = 5  # poses with new time stamps at one place
+_FEWEST_REPEATS = 3  # of the poses at rest, all of which would differ if the tracker saw the robot
+_FROZEN_M = 1e-7  # what a place may differ by that was sent again: the last digits of single precision
 _FAR_M, _HIGH_M = 50.0, 2.0  # from the origin of the tracker's frame, and above its floor: 2 cm in centimetres
 _CM_HIGH_M = 20.0  # what is higher is more likely millimetres
 _FULL_TURN_RAD = 6.5  # 2 pi and a little: no heading, pitch or roll is written with more
@@ -39,7 +41,8 @@ class Plausibility:
         shake_m: how far the centre may move beside that from one pose to the next, by shaking.
         max_lift_m: how far the centre may rise or fall from where it was at the start.
         lost_s: how long poses may be implausible before the trial ends.
-        frozen_s: how long every number of the pose may stay the same while motors turn.
+        frozen_s: how long the position may stay the same to the last digit while motors turn; infinite for a tracker
+            without noise, which may repeat one at rest as well.
     """
 
     max_speed_m_s: float = 1.0
@@ -118,7 +121,9 @@ class PoseFilter:
         Raises:
             TrackingLost: the tracker has hung since before, or the yaw at rest is not in radians.
         """
-        fresh = [pose for pose in poses if not driven or _numbers(pose) != _numbers(driven[-1])]
+        if math.isfinite(self._limits.frozen_s):
+            _check_repeats(self._at_start, poses)
+        fresh = [pose for pose in poses if not driven or not _is_same_place(pose, driven[-1])]
         if not fresh and self._has_frozen:
             raise TrackingLost(f"the tracker has repeated one position to the last digit since the drive: {_UNSEEN}")
         _check_yaws(self._at_start, fresh or poses)
@@ -147,7 +152,7 @@ class PoseFilter:
     def _is_repeat(self, pose: Pose, motors_turn: bool) -> bool:
         """Return whether nothing in ``pose`` is new. Raises TrackingLost when its time alone is, for too long."""
         last = self._last
-        if last is None or _numbers(pose) != _numbers(last):
+        if last is None or not _is_same_place(pose, last):
             self._frozen, self._frozen_since_s, self._has_frozen = 0, pose.t_s, False
             return False
         if pose.t_s == last.t_s:
@@ -253,6 +258,30 @@ def _origin_problem(pose: Pose, others: Sequence[Pose]) -> str:
     return ""
 
 
+def _check_repeats(start: Sequence[Pose], end: Sequence[Pose]) -> None:
+    """Raise TrackingLost if the tracker repeats one position at rest before the drive or after it, but not both times.
+
+    A tracker that rounds may tell one position of a robot at rest again and again. One whose numbers always differ does
+    so only of a robot that it does not see, and that may have lain elsewhere.
+    """
+    for rest, other, when in ((start, end, "before"), (end, start, "after")):
+        if _count_repeats(rest) >= _FEWEST_REPEATS and _never_repeats(other):
+            raise TrackingLost(f"the tracker has repeated one position to the last digit {when} the drive: {_UNSEEN}")
+
+
+def _count_repeats(poses: Sequence[Pose]) -> int:
+    """Return how many poses of different times show one position, the most frequent one."""
+    return max((len({it.t_s for it in poses if _is_same_place(it, pose)}) for pose in poses), default=0)
+
+
+def _never_repeats(poses: Sequence[Pose]) -> bool:
+    """Return whether no coordinate along the ground comes twice among three poses or more."""
+    seen = {pose.t_s: pose.position_m for pose in poses}.values()
+    return len(seen) >= _FEWEST_REPEATS and all(
+        len({place_m[axis] for place_m in seen}) == len(seen) for axis in (0, 1)
+    )
+
+
 def _check_yaws(*rests: Sequence[Pose]) -> None:
     """Raise TrackingLost if the yaw of a robot at rest, once or several times, scatters as only another unit can."""
     yaws_rad = [unwrap([pose.yaw_rad for pose in rest]) for rest in rests if rest]
@@ -283,5 +312,6 @@ def _place(pose: Pose) -> tuple[float, ...]:
     return (*pose.position_m, pose.yaw_rad, pose.pitch_rad, pose.roll_rad)
 
 
-def _numbers(pose: Pose) -> tuple[object, ...]:
-    return pose.position_m, pose.yaw_rad, pose.pitch_rad, pose.roll_rad, pose.markers_m
+def _is_same_place(pose: Pose, other: Pose) -> bool:
+    """Whether two positions are one, whatever the angles: they may come from a gyroscope while nothing is seen."""
+    return all(abs(x_m - other_m) <= _FROZEN_M for x_m, other_m in zip(pose.position_m, other.position_m, strict=True))

@@ -37,6 +37,8 @@ class LocalPorts:
 
     def check_port(self, port: str) -> None:
         """Raise NotUnderstood, or DeviceError for what is not there, if ``port`` is not a local serial port."""
+        if not port or "\0" in port:
+            raise NotUnderstood(f"the port {port!r} names no device: write its name, as in /dev/ttyACM0")
         if self.allow_url and "://" in port:
             return
         if "://" in port:

@@ -23,6 +23,7 @@ _log = logging.getLogger(__name__)
 
 _FIRST_S = 2.5  # the slowest builds report every 0.8 s
 _ANSWER_S = 1.0  # time for a strut to acknowledge a stop
+_LATE_STOP_S = 0.2  # the radio's 50 ms there and back, and both once more: later, the motor has run on
 
 
 def open_line(table: StrutsLineTable) -> MotorLine:
@@ -72,8 +73,9 @@ class StrutsLine(LinkedStruts):
 
     @property
     def heard_s(self) -> float:
-        """When the strut that has been silent for longest sent its last report."""
-        return min(strut.heard_s for strut in self._struts)
+        """When the strut that has been silent for longest sent its last report, or was told to stop without a word."""
+        stops_s = (math.inf if since_s is None else since_s for since_s in self._stop_s)
+        return min(*(strut.heard_s for strut in self._struts), *stops_s)
 
     @property
     def battery_v(self) -> tuple[float | None, ...]:
@@ -186,10 +188,14 @@ class StrutsLine(LinkedStruts):
             raise lost
 
     def _take(self, word: Word) -> None:
-        if word.acknowledges:
-            self._stop_s[word.strut] = None
-            return
         name = self._names[word.strut]
+        if word.acknowledges:
+            since_s, self._stop_s[word.strut] = self._stop_s[word.strut], None
+            if since_s is not None and word.heard_s - since_s > _LATE_STOP_S:
+                raise DeviceTimeout(
+                    f"strut {name} took {word.heard_s - since_s:.2f} s to stop, so its motor ran on; bring it nearer"
+                )
+            return
         try:
             report = decode(word.text)
         except ValueError as error:

@@ -121,7 +121,7 @@ def sight(looks: Sequence[Look], tracker: Tracker) -> Sight:
         uncertainty_m=float(np.mean(told)) if told else math.nan,
         offset_s=clock.offset_s if isinstance(clock, RemoteClock) else math.nan,
         jitter_s=clock.jitter_s if isinstance(clock, RemoteClock) else _jitter_s(delays_s),
-        has_heading=_has_heading(poses, places),
+        has_heading=_has_heading(poses, steady_m),
         cure=last_loss.cure,
         doubts=(*doubts_of(poses), *remarks),
     )

@@ -7,8 +7,8 @@
 
 ``sequence`` counts up, and may begin anew; ``t_s`` is when the pose was taken, on any clock; ``position_m`` is null
 while the tracker does not see the robot. All from the angles on may be left out; markers are the strut ends. A NaN or
-null in place of a number makes a gap: the pose before it counts until it is too old. One in a marker leaves the
-markers out, and the pose counts.
+null in place of a number makes a gap: the pose before it counts until it is too old. One in a marker, or a marker that
+no tracker can see, leaves the markers out, and the pose counts.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ Unit = Literal["m", "cm", "mm"]
 Up = Literal["z", "y"]
 AngleUnit = Literal["rad", "deg"]
 
+_FARTHEST = 1e6
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _MEANT = {
     "yaw": "yaw_rad",
@@ -93,14 +94,14 @@ class Told:
     Args:
         sequence: its number.
         pose: on the sender's clock; None where there is none.
-        is_gap: whether there is no pose because a number of it is missing, and not because the robot is not seen.
+        missing: the number for want of which there is no pose; empty if none is missing, or the robot is not seen.
         name: of the body; empty where the sender names none.
         keys: those that are not known.
     """
 
     sequence: int
     pose: Pose | None
-    is_gap: bool = False
+    missing: str = ""
     name: str = ""
     keys: tuple[str, ...] = ()
 
@@ -127,9 +128,9 @@ def decode_pose(datagram: bytes, axes: Axes = OURS) -> Told:
         raise ValueError(f"malformed pose: {error}") from error
     keys = tuple(sorted(content.keys() - set(_Message.__struct_fields__)))
     if message.position_m is None:
-        return Told(message.sequence, None, False, message.name, keys)
+        return Told(message.sequence, None, "", message.name, keys)
     pose = _pose(message, axes)
-    return Told(message.sequence, pose, pose is None, message.name, keys)
+    return Told(message.sequence, pose, "" if pose else _missing(message), message.name, keys)
 
 
 def explain_key(key: str) -> str:
@@ -157,7 +158,7 @@ def _pose(message: _Message, axes: Axes) -> Pose | None:
         return None
     t_s, *angles = known
     yaw_rad, pitch_rad, roll_rad = map(axes.angle_rad, angles)
-    markers = [_known(marker) for marker in message.markers_m or ()]
+    markers = [_near(_known(marker)) for marker in message.markers_m or ()]
     uncertainty = _known((message.uncertainty_m,))
     return Pose(
         t_s,
@@ -168,6 +169,17 @@ def _pose(message: _Message, axes: Axes) -> Pose | None:
         markers_m=() if None in markers else tuple(axes.place_m(marker) for marker in markers if marker),
         uncertainty_m=_METRES[axes.unit] * uncertainty[0] if uncertainty else None,
     )
+
+
+def _near(marker: tuple[float, ...] | None) -> tuple[float, ...] | None:
+    """Return a marker; None if it is missing, or farther away than any is in whatever unit."""
+    return marker if marker and max(map(abs, marker)) <= _FARTHEST else None
+
+
+def _missing(message: _Message) -> str:
+    """Return which of a pose's numbers is missing first."""
+    needed = {"position_m": message.position_m, "t_s": (message.t_s,), "yaw_rad": (message.yaw_rad,)}
+    return next((key for key, numbers in needed.items() if _known(numbers) is None), "pitch_rad or roll_rad")
 
 
 def _known(numbers: Iterable[float | None] | None) -> tuple[float, ...] | None:

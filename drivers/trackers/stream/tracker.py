@@ -106,7 +106,7 @@ class StreamTracker(ReceivingTracker):
         try:
             told = decode_pose(datagram, self._axes)
         except ValueError as error:
-            self._newest.lose(str(error))
+            self._newest.lose(str(error), "correct what is sent, as docs/trackers.md says")
             return
         self._remark_on(told.keys)
         if not self._origin.is_wanted(told):
@@ -118,8 +118,8 @@ class StreamTracker(ReceivingTracker):
             conflict = self._places.conflict(told.pose.position_m)
         if conflict:
             self._newest.lose(*conflict)
-        elif told.is_gap:
-            self._newest.miss("the poses since have no numbers; show the robot to the tracker")
+        elif told.missing:
+            self._newest.miss(f"{told.missing} is NaN or null in what is sent; show the robot to the tracker")
         else:
             self._take_in(told, received_s)
 

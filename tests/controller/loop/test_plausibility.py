@@ -118,10 +118,16 @@ def test_two_bodies_in_turn_are_lost() -> None:
         accepted(poses, [walk(n, 0.4 * (n % 2)) for n in range(1, 100)])
 
 
-def test_a_pose_that_is_repeated_with_new_time_stamps_while_motors_turn_is_lost() -> None:
-    poses, last = new_filter(), walk(10)
+@pytest.mark.parametrize("wobble_rad", [0.0, 0.01])  # as of a gyroscope that goes on
+@pytest.mark.parametrize("wobble_m", [0.0, 1e-8])  # as of sums in single precision
+def test_a_place_that_is_repeated_with_new_time_stamps_while_motors_turn_is_lost(
+    wobble_rad: float, wobble_m: float
+) -> None:
+    poses, (x_m, y_m, z_m) = new_filter(), walk(10).position_m
     accepted(poses, [walk(n) for n in range(1, 11)])
-    held = [Pose(n / RATE_HZ, last.position_m) for n in range(11, 60)]
+    held = [
+        Pose(n / RATE_HZ, (x_m + wobble_m * math.sin(n), y_m, z_m), wobble_rad * math.sin(n)) for n in range(11, 60)
+    ]
     with pytest.raises(TrackingLost, match="to the last digit"):
         accepted(poses, held)
 
@@ -249,6 +255,52 @@ def test_a_pose_that_is_repeated_from_the_drive_to_the_end_is_not_where_the_robo
     accepted(poses, held[2:], motors_turn=False)
     with pytest.raises(TrackingLost, match="since the drive"):
         poses.rest_after(held[2:], driven)
+
+
+def at_rest(x_m: float, from_s: float, noise_m: float = 2e-4) -> list[Pose]:
+    """Return five poses of a robot at rest, with a tracker's noise."""
+    return [
+        Pose(from_s + 0.05 * n, (x_m + noise_m * math.sin(from_s + n), noise_m * math.cos(3.0 * n + from_s), 0.06))
+        for n in range(5)
+    ]
+
+
+def held(pose: Pose, count: int, from_s: float) -> list[Pose]:
+    return [Pose(from_s + 0.05 * n, pose.position_m, 0.01 * n) for n in range(count)]
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_a_place_that_was_repeated_before_the_drive_is_not_where_the_robot_lay(count: int) -> None:
+    poses, stale = PoseFilter(Plausibility()), Pose(-1.0, (-0.004, 0.0, 0.06))
+    poses.begin_at(poses.rest(held(stale, count, -0.5) + at_rest(0.0, -0.2)[count:]), 0.0)
+
+    with pytest.raises(TrackingLost, match=r"repeated one position .* before the drive.*show the robot to the tracker"):
+        poses.rest_after(at_rest(0.02, 1.0), [walk(9)])
+
+
+@pytest.mark.parametrize("in_drive", [True, False])
+def test_a_place_that_is_repeated_since_the_motors_stopped_is_not_where_the_robot_came_to_rest(in_drive: bool) -> None:
+    poses, last = PoseFilter(Plausibility()), walk(9)
+    poses.begin_at(poses.rest(at_rest(0.0, -0.2)), 0.0)
+    stale = last if in_drive else walk(10)  # read once before the motors stopped, or not at all
+
+    with pytest.raises(TrackingLost, match=r"repeated one position .* after the drive.*show the robot to the tracker"):
+        poses.rest_after(held(stale, 5, 1.0), [walk(8), last])
+
+
+def test_a_tracker_that_rounds_may_repeat_a_place_at_rest() -> None:
+    poses = PoseFilter(Plausibility())
+    poses.begin_at(poses.rest(held(Pose(0.0, (0.001, 0.0, 0.06)), 5, -0.2)), 0.0)
+    flickering = [Pose(1.0 + 0.05 * n, (0.021 + 0.001 * (n % 2), 0.001 * (n // 2 % 2), 0.06)) for n in range(5)]
+
+    assert poses.rest_after(flickering, [walk(9)]).position_m[0] == pytest.approx(0.021)
+
+
+def test_a_tracker_without_noise_may_repeat_a_place_at_rest() -> None:
+    poses = PoseFilter(Plausibility(frozen_s=math.inf))
+    poses.begin_at(poses.rest(held(Pose(0.0, (0.0, 0.0, 0.06)), 5, -0.2)), 0.0)
+
+    assert poses.rest_after(at_rest(0.02, 1.0), [walk(9)]).position_m[0] == pytest.approx(0.02, abs=2e-4)
 
 
 def test_of_the_poses_after_the_drive_those_that_the_tracker_repeated_do_not_count() -> None:

@@ -64,6 +64,13 @@ def test_an_address_is_no_port_and_touches_nothing(address: str, suffix: str, vi
     assert victim.read_text() == "precious"
 
 
+@pytest.mark.parametrize("port", ["", "a\0b"])
+def test_what_can_be_no_name_is_refused_as_such(port: str) -> None:
+    for refused in (lambda: SerialLink(port, 19200), lambda: CanLink("slcan", port, 500_000)):
+        with pytest.raises(NotUnderstood, match="names no device: write its name, as in /dev/ttyACM0"):
+            refused()
+
+
 def test_a_robots_file_with_an_address_leaves_the_readers_files_alone(
     victim: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

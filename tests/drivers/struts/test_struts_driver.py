@@ -199,6 +199,18 @@ def test_what_a_radio_does_every_day_is_borne(own: MockProcess, motors: HeldMoto
     assert motors.state().frequency_hz == pytest.approx(GAIT.frequency_hz, abs=0.2)
 
 
+@pytest.mark.flaky(reruns=2)  # in real time
+def test_a_strut_that_hears_the_stop_late_spoils_the_drive(own: MockProcess, motors: HeldMotors) -> None:
+    drive_for(motors, 0.3)
+    own.inject(Fault(Kind.DROP_OUT, at_s=0.0, motor=2, duration_s=0.28))
+    time.sleep(0.02)
+
+    with pytest.raises(DeviceTimeout, match=r"VVVALTR2 took 0\.[23]\d s to stop, so its motor ran on; bring it nearer"):
+        motors.stop()
+
+    come_back(motors)
+
+
 def test_struts_of_the_laboratory_are_refused_with_the_reason_and_the_cure(theirs: MockProcess) -> None:
     with pytest.raises(
         DeviceFault, match=r"no watchdog in SPVVVECTR1, SPVVVECTR2 and SPVVVECTR3, .* set allow_no_watchdog = true"
