@@ -18,7 +18,7 @@ _WINDOW_S = 1.0  # in which the share of dropped poses is judged
 _LARGEST_SHARE = 0.4
 _FEWEST_DROPPED = 4  # one outlier among few poses is still one outlier
 _FEWEST_FROZEN = 5  # poses with new time stamps at one place
-_FEWEST_REPEATS = 3  # of the poses at rest, all of which would differ if the tracker saw the robot
+_MOST_REPEATS = 2  # of the poses at rest, all of which would differ if the tracker saw the robot
 _FROZEN_M = 1e-7  # what a place may differ by that was sent again: the last digits of single precision
 _FAR_M, _HIGH_M = 50.0, 2.0  # from the origin of the tracker's frame, and above its floor: 2 cm in centimetres
 _CM_HIGH_M = 20.0  # what is higher is more likely millimetres
@@ -265,21 +265,21 @@ def _check_repeats(start: Sequence[Pose], end: Sequence[Pose]) -> None:
     so only of a robot that it does not see, and that may have lain elsewhere.
     """
     for rest, other, when in ((start, end, "before"), (end, start, "after")):
-        if _count_repeats(rest) >= _FEWEST_REPEATS and _never_repeats(other):
+        if _repeats(rest) and _never_repeats(other):
             raise TrackingLost(f"the tracker has repeated one position to the last digit {when} the drive: {_UNSEEN}")
 
 
-def _count_repeats(poses: Sequence[Pose]) -> int:
-    """Return how many poses of different times show one position, the most frequent one."""
-    return max((len({it.t_s for it in poses if _is_same_place(it, pose)}) for pose in poses), default=0)
+def _repeats(poses: Sequence[Pose]) -> bool:
+    """Return whether poses of several times show one position: more than two of them, or all."""
+    times = len({pose.t_s for pose in poses})
+    most = max((len({it.t_s for it in poses if _is_same_place(it, pose)}) for pose in poses), default=0)
+    return most > 1 and most >= min(times, _MOST_REPEATS + 1)
 
 
 def _never_repeats(poses: Sequence[Pose]) -> bool:
-    """Return whether no coordinate along the ground comes twice among three poses or more."""
+    """Return whether no coordinate along the ground comes twice among poses of several times."""
     seen = {pose.t_s: pose.position_m for pose in poses}.values()
-    return len(seen) >= _FEWEST_REPEATS and all(
-        len({place_m[axis] for place_m in seen}) == len(seen) for axis in (0, 1)
-    )
+    return len(seen) > 1 and all(len({place_m[axis] for place_m in seen}) == len(seen) for axis in (0, 1))
 
 
 def _check_yaws(*rests: Sequence[Pose]) -> None:

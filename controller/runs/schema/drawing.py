@@ -38,6 +38,7 @@ KINDS: dict[str, type[Message]] = {
 _SHARE = 0.14  # of the size of a trial's other messages that its transforms may add, and its shapes as much again
 _MESSAGE_BYTES = 39  # that MCAP adds to a message, with its place in the index
 _POINTS = 24  # along each strut
+_FARTHEST_M = 1e6
 _HEADING_M = 0.06  # length of the line of points that shows the heading, where no strut ends are seen
 _GROUND_LINES = 21  # in each direction, at most
 _STRUT, _SPRING = Color(r=0.85, g=0.86, b=0.88, a=1.0), Color(r=0.4, g=0.6, b=0.9, a=1.0)
@@ -56,11 +57,17 @@ def draw_trial(
         origin_ns: when the drive began, in nanoseconds since 1970.
         log_bytes: what the trial's other messages take, as ``count_bytes`` counts.
     """
-    finite = [pose for pose in poses if pose.is_finite]
+    seen = [pose for pose in poses if _is_within_sight(pose)]
     for draw in (_draw_transform, _draw_shape):
-        for pose in _thin(finite, structure, draw, _SHARE * log_bytes):
+        for pose in _thin(seen, structure, draw, _SHARE * log_bytes):
             at_ns = origin_ns + round(pose.t_s * 1e9)
             yield from ((topic, at_ns, message) for topic, message in draw(pose, structure, _timestamp(at_ns)))
+
+
+def _is_within_sight(pose: Pose) -> bool:
+    """Return whether a pose can be drawn: viewers count in single precision."""
+    places_m = (pose.position_m, *pose.markers_m)
+    return pose.is_finite and max(abs(x_m) for place_m in places_m for x_m in place_m) < _FARTHEST_M
 
 
 _Draw = Callable[[Pose, Structure | None, Timestamp], list[tuple[str, Message]]]

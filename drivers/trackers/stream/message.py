@@ -7,8 +7,8 @@
 
 ``sequence`` counts up, and may begin anew; ``t_s`` is when the pose was taken, on any clock; ``position_m`` is null
 while the tracker does not see the robot. All from the angles on may be left out; markers are the strut ends. A NaN or
-null in place of a number makes a gap: the pose before it counts until it is too old. One in a marker, or a marker that
-no tracker can see, leaves the markers out, and the pose counts.
+null in place of a number makes a gap: the pose before it counts until it is too old. One in a marker leaves the
+markers out, and the pose counts.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ Unit = Literal["m", "cm", "mm"]
 Up = Literal["z", "y"]
 AngleUnit = Literal["rad", "deg"]
 
-_FARTHEST = 1e6
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _MEANT = {
     "yaw": "yaw_rad",
@@ -158,7 +157,7 @@ def _pose(message: _Message, axes: Axes) -> Pose | None:
         return None
     t_s, *angles = known
     yaw_rad, pitch_rad, roll_rad = map(axes.angle_rad, angles)
-    markers = [_near(_known(marker)) for marker in message.markers_m or ()]
+    markers = [_known(marker) for marker in message.markers_m or ()]
     uncertainty = _known((message.uncertainty_m,))
     return Pose(
         t_s,
@@ -169,11 +168,6 @@ def _pose(message: _Message, axes: Axes) -> Pose | None:
         markers_m=() if None in markers else tuple(axes.place_m(marker) for marker in markers if marker),
         uncertainty_m=_METRES[axes.unit] * uncertainty[0] if uncertainty else None,
     )
-
-
-def _near(marker: tuple[float, ...] | None) -> tuple[float, ...] | None:
-    """Return a marker; None if it is missing, or farther away than any is in whatever unit."""
-    return marker if marker and max(map(abs, marker)) <= _FARTHEST else None
 
 
 def _missing(message: _Message) -> str:

@@ -92,8 +92,11 @@ def test_a_robot_whose_strut_ends_nobody_sees_is_a_line_along_its_heading(tmp_pa
     assert messages(log, "/robot/scene", SceneUpdate) == []
 
 
-def test_a_pose_that_is_no_number_is_not_drawn(tmp_path: Path) -> None:
-    lost = with_poses(RUN.trials[0], (Pose(0.0, (math.nan, 0.0, 0.0)),))
+@pytest.mark.parametrize(
+    "pose", [Pose(0.0, (math.nan, 0.0, 0.0)), Pose(0.0, (0.0,) * 3, markers_m=((1e308, 0.0, 0.0),))]
+)
+def test_a_pose_that_no_viewer_could_place_is_not_drawn(tmp_path: Path, pose: Pose) -> None:
+    lost = with_poses(RUN.trials[0], (pose,))
     assert messages(write(tmp_path / LOG_NAME, Run(STRUCTURE, (), (lost,))), "/tf", FrameTransform) == []
 
 

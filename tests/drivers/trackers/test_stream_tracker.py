@@ -212,7 +212,7 @@ def test_a_missing_number_is_a_gap_and_the_pose_before_it_counts_until_it_is_too
     assert f"{place.split(chr(34))[-2]} is NaN or null" in until(tracker, lambda seen: not is_pose(seen))
 
 
-@pytest.mark.parametrize("marker", ["[NaN, 0.0, 0.0]", "[null, 0.0, 0.0]", "null", "[1e308, 0.0, 0.0]"])
+@pytest.mark.parametrize("marker", ["[NaN, 0.0, 0.0]", "[null, 0.0, 0.0]", "null"])
 def test_a_missing_marker_does_not_spoil_a_good_pose(marker):
     datagram = f'{{"sequence": 1, "t_s": 0, "position_m": [0.1, 0.2, 0.3], "markers_m": [[0, 0, 0], {marker}]}}'
     pose = decode_pose(datagram.encode()).pose
