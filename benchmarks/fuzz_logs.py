@@ -16,6 +16,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -123,6 +124,27 @@ def _absurd(field: Any, dice: random.Random) -> Any:
     return dice.choice((0, 2**32 - 1))
 
 
+def try_apart(run: Path, scratch: Path) -> list[str]:
+    """Return what is wrong with the answers, in a process of their own.
+
+    Rerun keeps some kB of each call that ever sent something to a recording: a view has hundreds.
+    """
+    context = get_context("fork")  # with what has been imported
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=lambda: theirs.send(list(try_commands(run, scratch))))
+    process.start()
+    theirs.close()
+    try:
+        return ours.recv() if ours.poll(4 * _HUNG_S) else ["hung"]
+    except EOFError:
+        process.join()
+        return [f"the process died with status {process.exitcode}"]
+    finally:
+        process.kill()
+        process.join()
+        ours.close()
+
+
 def try_commands(run: Path, scratch: Path) -> Iterator[str]:
     """Open a spoilt run by each command; yield what is wrong with the answers."""
     commands = {
@@ -181,7 +203,7 @@ def campaign(count: int, seed: int) -> list[str]:
             shutil.copytree(run, scratch / "spoilt")
             write(spoilt, scratch / "spoilt" / LOG_NAME)
             where = f"{topic} {'.'.join(map(str, path))}"
-            complaints += [f"{number}: {where}: {it}" for it in try_commands(scratch / "spoilt", scratch)]
+            complaints += [f"{number}: {where}: {it}" for it in try_apart(scratch / "spoilt", scratch)]
             shutil.rmtree(scratch)
     return complaints
 
