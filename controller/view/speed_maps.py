@@ -85,17 +85,37 @@ def send_maps(
     if not recommended:
         return False
     held, low, high = recommended[-1].gait, *range_mm_s
+    scored = [(logged.trial.gait.frequency_hz, 1000.0 * logged.score) for logged in trials if logged.score is not None]
+    tried_hz = np.array([hz for hz, _ in scored])
+    shades = colours(np.clip((np.array([speed for _, speed in scored]) - low) / (high - low), 0.0, 1.0))
     for pair in list_pairs(belief.space):
         speeds = speeds_mm_s(belief.predict, pair, held, _POINTS)
         _send_map(canvas, pair, when, np.clip((speeds - low) / (high - low), 0.0, 1.0))
-        _send_gaits(canvas, pair, when, trials, (held, belief.next_gait), range_mm_s)
+        _send_tried(canvas, pair, when, tried_hz, shades)
+        _send_marks(canvas, pair, when, (held, belief.next_gait))
     return True
 
 
 def send_map_frames(canvas: Canvas, space: GaitSpace, range_mm_s: tuple[float, float]) -> None:
-    """Send what all maps have around them: axes, and the scale of colours, which spans ``range_mm_s``."""
+    """Send what stays the same in all maps: styles, axes, and the scale of colours, which spans ``range_mm_s``."""
     for pair in list_pairs(space):
+        _send_styles(canvas, pair)
         _send_axes(canvas, pair, *range_mm_s)
+
+
+def _send_styles(canvas: Canvas, pair: Pair) -> None:
+    import rerun as rr
+
+    for name, style in (
+        ("speed", rr.Image.from_fields(magnification_filter="Linear", draw_order=1.0)),
+        ("rim", rr.Points2D.from_fields(radii=-3.4, draw_order=2.0)),
+        ("tried", rr.Points2D.from_fields(radii=-2.4, draw_order=3.0)),
+        *(
+            (mark, rr.LineStrips2D.from_fields(colors=colour, radii=-1.6, draw_order=4.0))
+            for mark, colour in _MARKS.items()
+        ),
+    ):
+        canvas.log(f"{map_path(pair)}/{name}", style)
 
 
 def speeds_mm_s(predict: Predict, pair: Pair, held: Gait, points: int) -> Array:
@@ -109,10 +129,16 @@ def speeds_mm_s(predict: Predict, pair: Pair, held: Gait, points: int) -> Array:
     return 1000.0 * np.array([estimate.mean for estimate in predict(gaits)]).reshape(points, points)
 
 
-def _place(pair: Pair, first_hz: float, second_hz: float) -> tuple[float, float]:
-    """Return the place of two frequencies in the picture: the first to the right, the second up."""
+def _places(pair: Pair, first_hz: Array, second_hz: Array) -> Array:
+    """Return the places in the picture of some pairs of frequencies, (n, 2): the first to the right, the second up."""
     across, up = ((hz - p.low) / (p.high - p.low) for hz, p in zip((first_hz, second_hz), pair, strict=True))
-    return 0.5 + across * (_POINTS - 1), 0.5 + (1.0 - up) * (_POINTS - 1)
+    return np.stack([0.5 + across * (_POINTS - 1), 0.5 + (1.0 - up) * (_POINTS - 1)], axis=1)
+
+
+def _place(pair: Pair, first_hz: float, second_hz: float) -> tuple[float, float]:
+    """Return the place of two frequencies in the picture."""
+    x, y = _places(pair, np.array([first_hz]), np.array([second_hz]))[0].tolist()
+    return x, y
 
 
 def _send_map(canvas: Canvas, pair: Pair, when: When, shares: Array) -> None:
@@ -122,7 +148,6 @@ def _send_map(canvas: Canvas, pair: Pair, when: When, shares: Array) -> None:
     pixels = colours(np.flipud(shares)).reshape(1, -1)
     path = f"{map_path(pair)}/speed"
     canvas.send(path, [when], rr.Image.columns(buffer=pixels, format=[shape]))
-    canvas.log(path, rr.Image.from_fields(magnification_filter="Linear", draw_order=1.0))
 
 
 def colours(shares: Array) -> NDArray[np.uint8]:
@@ -131,30 +156,24 @@ def colours(shares: Array) -> NDArray[np.uint8]:
     return np.stack([np.interp(shares, places, part) for part in _VIRIDIS.T], axis=-1).astype(np.uint8)
 
 
-def _send_gaits(
-    canvas: Canvas,
-    pair: Pair,
-    when: When,
-    trials: Sequence[LoggedTrial],
-    marked: tuple[Gait, Gait | None],
-    range_mm_s: tuple[float, float],
-) -> None:
-    """Send the gaits that were tried, coloured by their speed, the recommended one, and the one that is next."""
+def _send_tried(canvas: Canvas, pair: Pair, when: When, tried_hz: Array, shades: NDArray[np.uint8]) -> None:
+    """Send the gaits that were tried, frequencies (n, motors), in the colours (n, 3) of their speeds."""
+    import rerun as rr
+
+    dots = _places(pair, tried_hz[:, pair[0].motor], tried_hz[:, pair[1].motor])
+    for name, shade in (("rim", np.zeros_like(shades)), ("tried", shades)):
+        path = f"{map_path(pair)}/{name}"
+        columns = rr.Points2D.columns(positions=dots, colors=shade)
+        canvas.send(path, [when], columns.partition([len(dots)]))
+
+
+def _send_marks(canvas: Canvas, pair: Pair, when: When, marked: tuple[Gait, Gait | None]) -> None:
+    """Send the recommended gait, and the one that is next."""
     import rerun as rr
 
     first, second = pair[0].motor, pair[1].motor
-    low, high = range_mm_s
-    scored = [(logged.trial.gait, 1000.0 * logged.score) for logged in trials if logged.score is not None]
-    dots = [_place(pair, gait.frequency_hz[first], gait.frequency_hz[second]) for gait, _ in scored]
-    shades = colours(np.clip((np.array([speed for _, speed in scored]) - low) / (high - low), 0.0, 1.0))
-    for name, radius, order, shade in (("rim", 3.4, 2.0, np.zeros_like(shades)), ("tried", 2.4, 3.0, shades)):
-        path = f"{map_path(pair)}/{name}"
-        canvas.log(path, rr.Points2D.from_fields(radii=-radius, draw_order=order))
-        columns = rr.Points2D.columns(positions=dots, colors=shade)
-        canvas.send(path, [when], columns.partition([len(dots)]))
     for name, shape, gait in (("best", _star, marked[0]), ("next", _ring, marked[1])):
         path = f"{map_path(pair)}/{name}"
-        canvas.log(path, rr.LineStrips2D.from_fields(colors=_MARKS[name], radii=-1.6, draw_order=4.0))
         known = [] if gait is None else [shape(_place(pair, gait.frequency_hz[first], gait.frequency_hz[second]))]
         canvas.send(path, [when], rr.LineStrips2D.columns(strips=known).partition([len(known)]))
 

@@ -83,19 +83,22 @@ class Hypotheses:
     processes: tuple[GaussianProcess, ...]
 
     @classmethod
-    def condition(cls, drive: Drive, fitted: Conditioned, scale: Scale, last: Fitted | None) -> Hypotheses:
+    def condition(cls, drive: Drive, fitted: Conditioned, scale: Scale, last: Fitted | None, zone: float) -> Hypotheses:
         """Return the hypotheses given the rows of a fit: the processes of the ``last`` one extended, or else new ones.
 
-        The fit's own process, which has been extended already, is one of them.
+        The fit's own process, with the dead zone ``zone``, is one of them.
         """
-        observed = [observe_drive(drive, fitted.rows, scale, zone) for zone in list_zones(drive)]
-        if not goes_on(last, fitted):
-            return cls.of(drive, [GaussianProcess.condition(rows, fitted.hyperparameters) for rows in observed])
-        extended = [
-            fitted.process if one is last.process else one.extend(rows)
-            for one, rows in zip(last.others, observed, strict=False)
-        ]
-        return cls.of(drive, extended)
+        processes = []
+        for place, each in enumerate(list_zones(drive)):
+            if each == zone:
+                processes.append(fitted.process)
+                continue
+            rows = observe_drive(drive, fitted.rows, scale, each)
+            if goes_on(last, fitted):
+                processes.append(last.others[place].extend(rows))
+            else:
+                processes.append(GaussianProcess.condition(rows, fitted.hyperparameters))
+        return cls.of(drive, processes)
 
     @classmethod
     def of(cls, drive: Drive, processes: Sequence[GaussianProcess]) -> Hypotheses:
@@ -153,7 +156,7 @@ def learn_driven(
         lambda rows: observe_drive(drive, rows, scale, zone),
         partial(refit, trials=len(trials), rng=rng, follows=True),
     )
-    hypotheses = Hypotheses.condition(drive, fitted, scale, last)
+    hypotheses = Hypotheses.condition(drive, fitted, scale, last, zone)
     fitted = replace(fitted, others=hypotheses.processes)
     if not goes_on(last, fitted):
         best = hypotheses.best()

@@ -149,7 +149,7 @@ def learn_with_doubt(
     zone = 0.0 if last is None else last.learned.get(DEAD_ZONE, 0.0)
     fitted = follow(trials, last, lambda rows: observe_drive(drive, rows, scale, zone), find)
     before = last.others if goes_on(last, fitted) else ()
-    alone = Hypotheses.condition(drive, fitted, scale, last)
+    alone = Hypotheses.condition(drive, fitted, scale, last, zone)
     if not goes_on(last, fitted):
         zone = alone.zones[alone.best()]
         fitted = replace(fitted, process=alone.processes[alone.best()], learned={DEAD_ZONE: zone})

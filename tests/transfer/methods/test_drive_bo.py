@@ -1,5 +1,7 @@
 """The default without a source: what it expects of a robot's drive, and that data decide about it."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -140,5 +142,5 @@ def test_hypotheses_that_are_extended_are_those_conditioned_on_all_trials() -> N
     belief = learn_driven(SIGNED, drive, rows, fitted, rng)
     assert isinstance(belief.fitted, Conditioned) and belief.fitted.is_of(70)  # so it goes on from that fit
     longer = Hypotheses.of(drive, belief.fitted.others)
-    anew = Hypotheses.condition(drive, belief.fitted, belief.scale, None)
+    anew = Hypotheses.condition(drive, belief.fitted, belief.scale, None, math.nan)
     assert longer.chances() == pytest.approx(anew.chances(), rel=1e-9)
