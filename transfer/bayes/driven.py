@@ -9,7 +9,7 @@ import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.transfer.bayes.drive import Drive, Slopes
-from vvvaltr.transfer.bayes.gp import BLOCK_PLACES, GaussianProcess, blocks
+from vvvaltr.transfer.bayes.gp import BLOCK_PLACES, BLOCK_ROWS, LARGER, GaussianProcess, blocks
 from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations, matern
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.trials import Trials
@@ -103,7 +103,7 @@ class Driven:
     def predict_with_gradient(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """See ``Posterior``."""
         near, slopes = self._near(x), self.drive.slopes(x, self.dead_zones)
-        means, projected = self._means(near), near.kernel @ self.inverse_root.transpose(0, 2, 1)
+        means, projected = self._means(near), self._project(near.kernel)
         mean_slopes = self._mean_slopes(near, slopes)
         variance_slopes = -2.0 * self._slopes(near, slopes, projected @ self.inverse_root)
         variance_slopes += 2.0 * RISE_SD**2 * near.trend[:, :, None] * slopes.of_trend
@@ -123,7 +123,7 @@ class Driven:
     def _predict(self, x: Array) -> tuple[Array, Array]:
         near = self._near(x)
         means = self._means(near)
-        variances = self._variances(near, near.kernel @ self.inverse_root.transpose(0, 2, 1))
+        variances = self._variances(near, self._project(near.kernel))
         mean = (self.chance * means).sum(axis=0)
         return mean, (self.chance * (variances + (means - mean) ** 2)).sum(axis=0)
 
@@ -152,6 +152,17 @@ class Driven:
         """Return the variance (h, m) of every hypothesis, from the kernel times the inverse root (h, m, n)."""
         prior = self.signal + LEVEL_SD**2 + (RISE_SD * near.trend) ** 2
         return np.asarray(np.maximum(prior - (projected**2).sum(axis=2), 1e-10 * self.signal))
+
+    def _project(self, kernel: Array) -> Array:
+        """Return a kernel (h, m, n) times the transposed inverse root, whose rows are zero behind the diagonal."""
+        count = kernel.shape[2]
+        if count <= LARGER:
+            return np.asarray(kernel @ self.inverse_root.transpose(0, 2, 1))
+        projected = np.empty(kernel.shape)
+        for rows in blocks(count, BLOCK_ROWS):
+            root = self.inverse_root[:, rows, : rows.stop]
+            np.matmul(kernel[:, :, : rows.stop], root.transpose(0, 2, 1), out=projected[:, :, rows])
+        return projected
 
     def _slopes(self, near: _Near, slopes: Slopes, factor: Array) -> Array:
         """Return the gradient (h, m, d) of the kernel times ``factor`` (h, m, n) or (h, 1, n), which is held fixed."""

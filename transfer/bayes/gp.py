@@ -28,6 +28,10 @@ BLOCK_PLACES = 128
 LARGE, BLOCK_ROWS = 200, 100
 """Number of observations above which the triangular shape of the inverse root is made use of, in blocks of rows."""
 
+LARGER, SMALLEST = 240, 64
+"""Number of observations above which a mixture makes use of it too, and its root is halved until it is so small: more
+than 60 trials with three sources are, whose suggestions thus stay the same to the last bit."""
+
 
 @dataclass(frozen=True, slots=True)
 class GaussianProcess:
@@ -155,13 +159,13 @@ def blocks(count: int, size: int) -> list[slice]:
     return [slice(start, min(start + size, count)) for start in range(0, count, size)]
 
 
-def invert_lower(lower: Array) -> Array:
-    """Return the inverse (n, n) of a lower triangular matrix (n, n); large ones are halved until small."""
+def invert_lower(lower: Array, most: int = LARGE) -> Array:
+    """Return the inverse (n, n) of a lower triangular matrix (n, n); those larger than ``most`` are halved."""
     count = len(lower)
-    if count <= LARGE:
+    if count <= most:
         return np.asarray(np.linalg.inv(lower))
-    half = count // 2
-    first, last = invert_lower(lower[:half, :half]), invert_lower(lower[half:, half:])
+    half, most = count // 2, SMALLEST if count > LARGER else most
+    first, last = invert_lower(lower[:half, :half], most), invert_lower(lower[half:, half:], most)
     inverse = np.zeros((count, count))
     inverse[:half, :half], inverse[half:, half:] = first, last
     inverse[half:, :half] = -last @ (lower[half:, :half] @ first)
