@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import glob
+import math
 import os
 import shutil
 import stat
@@ -18,7 +19,7 @@ _MOST_TEXT_BYTES = 16 << 20
 _KINDS = {stat.S_IFIFO: "a named pipe", stat.S_IFDIR: "a directory", stat.S_IFSOCK: "a socket"}
 
 
-def open_plain(path: Path, most_bytes: int) -> BinaryIO:
+def open_plain(path: Path, most_bytes: float = math.inf) -> BinaryIO:
     """Open an ordinary file to read it.
 
     Raises:
@@ -31,7 +32,7 @@ def open_plain(path: Path, most_bytes: int) -> BinaryIO:
         _refuse_special(path, found.st_mode)  # and after, for the name may lead elsewhere by now
         if found.st_size > most_bytes:
             raise OSError(
-                errno.EFBIG, f"it has {found.st_size >> 20} MB, and {most_bytes >> 20} MB is the most", str(path)
+                errno.EFBIG, f"it has {found.st_size >> 20} MB, and {int(most_bytes) >> 20} MB is the most", str(path)
             )
     except BaseException:
         file.close()
@@ -77,6 +78,9 @@ def write_whole(path: Path, content: str | bytes) -> None:
 def replacing(path: Path) -> Iterator[BinaryIO]:
     """Yield a new file that takes the place of the one at ``path`` once the block is left. Raises OSError."""
     fresh = path.with_name(f"{path.name}.new")
+    for each in (path, fresh):
+        if each.is_dir() and not each.is_symlink():
+            raise OSError(errno.EISDIR, "it is a directory, not a file", str(each))
     fresh.unlink(missing_ok=True)  # a left-over, or a link to somewhere
     try:
         with fresh.open("xb") as file:

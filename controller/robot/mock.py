@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from vvvaltr.controller.core.disk import read_text, write_whole
 from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.spelling import unknown
@@ -84,7 +85,7 @@ def open_mock(
     from vvvaltr.twin.engine import Start
 
     robot_file = link.with_name(f"{link.name}.toml")
-    if robot_file.exists() and not robot_file.read_bytes().startswith(_MARK.encode()):
+    if robot_file.exists() and not _is_mocks(robot_file):
         raise UserError(f"{robot_file} is not a mock's file and would be overwritten; choose another --link")
     _remove_leftover(link, robot_file)
     with ExitStack() as undo:
@@ -101,16 +102,23 @@ def open_mock(
         head = f"{_MARK}\n{_PROCESS}{os.getpid()}\n\n"
         high_hz = max_hz or min(_SEARCH_HZ[1], *(motor.max_hz for motor in line.table.motor))
         content = _robot_file(twin, line.table, feed.table, high_hz, hand.port)
-        robot_file.write_text(head + content, encoding="utf-8")
+        write_whole(robot_file, head + content)
         undo.pop_all()
     return mock
+
+
+def _is_mocks(robot_file: Path) -> bool:
+    try:
+        return read_text(robot_file).startswith(_MARK)
+    except (OSError, UnicodeDecodeError):
+        return False
 
 
 def _remove_leftover(link: Path, robot_file: Path) -> None:
     """Remove the link of a mock that was killed: by now its pseudo-terminal may be another program's."""
     if not (link.is_symlink() and robot_file.exists()):
         return
-    _, _, process = robot_file.read_text(encoding="utf-8", errors="replace").partition(f"\n{_PROCESS}")
+    _, _, process = read_text(robot_file).partition(f"\n{_PROCESS}")
     number = process.partition("\n")[0]
     if number.isdecimal() and not Path("/proc", number).exists():
         link.unlink()

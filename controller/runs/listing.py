@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -12,6 +10,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
+from vvvaltr.controller.core.disk import open_plain, read_bytes, read_text
+from vvvaltr.controller.core.document import parse_toml
 from vvvaltr.controller.core.errors import UserError
 
 _LOG, _CONFIG, _SUMMARY = "trials.mcap", "run.toml", "summary.json"
@@ -76,25 +78,42 @@ def describe_run(path: Path) -> Listed:
         config, summary = _read_toml(path / _CONFIG), _read_json(path / _SUMMARY)
         robot, best = _table(config, "robot"), _table(summary, "recommended")
         valid = sum(_table(summary, "outcomes").get(name, 0) for name in ("completed", "cut_short"))
-        trials, wanted = summary.get("trials"), config.get("trials")
+        trials, wanted = _number(summary.get("trials")), _number(config.get("trials"))
+        observed_m_s = _number(_table(summary, "best_observed").get("score_m_s"))
         return Listed(
             path,
             str(robot.get("name") or summary.get("robot") or ""),
             _name_world(robot),
             str(config.get("method") or ""),
-            trials,
-            wanted,
-            (best["mean_m_s"], best["low_m_s"], best["high_m_s"]) if best else None,
-            _table(summary, "best_observed").get("score_m_s"),
+            None if trials is None else int(trials),
+            None if wanted is None else int(wanted),
+            (float(best["mean_m_s"]), float(best["low_m_s"]), float(best["high_m_s"])) if best else None,
+            observed_m_s,
             tuple(map(str, config.get("sources", ()))),
             _date(path),
             _find_state(path, wanted, valid),
         )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):  # a damaged file must not hide the other runs
+    except (
+        OSError,
+        UserError,
+        msgspec.MsgspecError,
+        ValueError,
+        ArithmeticError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+    ):
+        # A damaged file must not hide the other runs.
         return Listed(path, "", "", "", None, None, None, None, (), _date(path), State.UNREADABLE)
 
 
-def _find_state(path: Path, wanted: int | None, valid: int) -> State:
+def _number(value: Any) -> float | None:
+    """Return a number of a file, None where there is none. Raises ValueError or TypeError for something else."""
+    return None if value is None else float(value)
+
+
+def _find_state(path: Path, wanted: float | None, valid: int) -> State:
     if _is_locked(path / _LOG):
         return State.RUNNING
     if wanted is None:
@@ -103,7 +122,7 @@ def _find_state(path: Path, wanted: int | None, valid: int) -> State:
 
 
 def _is_locked(log: Path) -> bool:
-    with log.open("rb") as file:
+    with open_plain(log) as file:
         try:
             fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -119,11 +138,11 @@ def _name_world(robot: Mapping[str, Any]) -> str:
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
-    return tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    return parse_toml(read_text(path)) if path.exists() else {}
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+    return msgspec.json.decode(read_bytes(path), type=dict[str, Any]) if path.exists() else {}
 
 
 def _table(content: Mapping[str, Any], key: str) -> dict[str, Any]:

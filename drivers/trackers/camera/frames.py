@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vvvaltr.controller.core.disk import open_plain
 from vvvaltr.drivers.trackers.camera.tags import Picture
 
 _MAGIC = b"vvvaltr1"
@@ -79,7 +80,7 @@ class FrameReader:
     """
 
     def __init__(self, path: Path) -> None:
-        with path.open("rb") as file:
+        with open_plain(path) as file:
             size = os.fstat(file.fileno()).st_size
             head = file.read(_HEAD.size)
             if len(head) < _HEAD.size or head[: len(_MAGIC)] != _MAGIC:

@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -80,6 +81,38 @@ def test_a_damaged_file_does_not_hide_the_other_runs(tmp_path: Path, text: str) 
     (tmp_path / "damaged" / "summary.json").write_text("[")
     states = {run.path.name: run.state for run in list_runs(tmp_path)}
     assert states == {"whole": State.ASKED, "damaged": State.UNREADABLE}
+
+
+@pytest.mark.parametrize(
+    "summary",
+    [
+        '{"trials": "x"}', '{"trials": 1e400}', '{"recommended": {"mean_m_s": "fast", "low_m_s": 0, "high_m_s": 1}}',
+        '{"best_observed": {"score_m_s": [1]}}', '{"outcomes": {"completed": "3"}}', '{"a": ' + "[" * 100_000, "NaN",
+    ],
+)  # fmt: skip
+def test_an_absurd_summary_does_not_hide_the_other_runs(tmp_path: Path, summary: str) -> None:
+    for name in ("whole", "damaged"):
+        (tmp_path / name).mkdir()
+        RunLog.create(tmp_path / name / LOG_NAME, None).close()
+    (tmp_path / "damaged" / "summary.json").write_text(summary)
+
+    assert main(["runs", str(tmp_path)]) == 0
+    assert {run.path.name: run.state for run in list_runs(tmp_path)}["damaged"] is State.UNREADABLE
+
+
+@pytest.mark.parametrize("name", ["run.toml", "summary.json", LOG_NAME])
+@pytest.mark.parametrize("special", ["pipe", "folder", "device"])
+def test_what_is_no_file_is_not_waited_for(
+    runs: Path, tmp_path: Path, name: str, special: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(runs / "flat", tmp_path / "flat")
+    place = tmp_path / "flat" / name
+    place.unlink()
+    {"pipe": os.mkfifo, "folder": Path.mkdir, "device": lambda it: it.symlink_to("/dev/zero")}[special](place)
+
+    assert main(["runs", str(tmp_path)]) == 0
+    assert main(["show", str(tmp_path / "flat")]) == (0 if name == "summary.json" else 1)
+    assert len(capsys.readouterr().err.splitlines()) <= 1
 
 
 def test_a_directory_without_runs_says_what_makes_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

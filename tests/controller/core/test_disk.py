@@ -1,5 +1,6 @@
 import errno
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -104,6 +105,31 @@ def test_what_is_no_file_is_not_read(tmp_path: Path, name: str) -> None:
 
     with pytest.raises(OSError, match="not a file"):
         read_text(tmp_path / name)
+
+
+def test_every_file_that_is_read_is_opened_by_one_door() -> None:
+    """What is opened in another way may be a pipe, on which a program waits for ever, or a device without an end."""
+    raw = re.compile(r"\.read_text\(|\.read_bytes\(|[\w)]\.open\(\s*[\"']r|\bopen\([^)]*[\"']r")
+    of_the_system = {  # files below /proc and /sys alone
+        "controller/core/disk.py", "controller/robot/commissioning/plugged_in.py", "controller/runs/underway.py",
+        "drivers/links/local.py",
+    }  # fmt: skip
+    root = Path(__file__).parents[3]
+    found = {
+        str(path.relative_to(root))
+        for room in ("controller", "drivers", "twin", "transfer")
+        for path in (root / room).rglob("*.py")
+        if "firmware" not in path.parts and raw.search(path.read_text(encoding="utf-8"))
+    }
+
+    assert found - of_the_system == set()
+
+
+def test_what_takes_the_place_of_a_folder_is_refused_by_name(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").mkdir()
+
+    with pytest.raises(OSError, match=r"it is a directory, not a file.*a\.toml"):
+        write_whole(tmp_path / "a.toml", "new")
 
 
 def test_a_byte_order_mark_is_no_text(tmp_path: Path) -> None:
