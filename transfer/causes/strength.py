@@ -76,7 +76,7 @@ class StrengthLearner:
     def __init__(self) -> None:
         self._kept: list[int] = []
         self._places = np.zeros((0, 0))
-        self._roots = np.zeros((len(_GRID), 0, 0))
+        self._roots = _Roots.empty(0)
         self._logs: dict[int, Array] = {}
 
     def follow(self, places: Array, speeds: Array) -> Array:
@@ -129,29 +129,78 @@ class StrengthLearner:
         loss = Loss(float(weighed.downs.sum()), int(kept[at + 1]), math.exp(float(weights @ weighed.steps[:, at])))
         if not loss.is_told:  # an uncertain step is mostly noise, and the data say next to nothing of the walk
             return loss, np.zeros(len(speeds))
-        change = _expect_change(roots, y, walks, weighed)
+        change = _expect_change(roots.inverse, y, walks, weighed)
         return loss, np.interp(np.arange(len(speeds)), kept, change - change[0])
 
-    def _root(self, kept: list[int], places: Array, distance: Array, walks: Array) -> Array:
-        """Return the inverse roots (grid, n, n) of the covariances, row by row beyond what is the same as before."""
+    def _root(self, kept: list[int], places: Array, distance: Array, walks: Array) -> _Roots:
+        """Return the inverse roots of the covariances, row by row beyond what is the same as before."""
         pairs = zip(kept, self._kept, strict=False)
         same = next((i for i, (one, other) in enumerate(pairs) if one != other), min(len(kept), len(self._kept)))
         if not np.array_equal(places[:same], self._places[:same]):
             same = 0
-        roots = np.zeros((len(_GRID), len(kept), len(kept)))
-        roots[:, :same, :same] = self._roots[:, :same, :same]
+        if len(kept) > self._roots.most:
+            self._roots = self._roots.with_room(2 * len(kept))
         noise, walk, gaits = _GRID.T
         likeness = np.exp(-distance / _LENGTH)
         for row in range(same, len(kept)):
-            before = roots[:, :row, :row]
+            before = self._roots.of(row).inverse
             covariance = gaits[:, None] ** 2 * likeness[row, :row] + walk[:, None] ** 2 * walks[row, :row] + _MEAN_SD**2
             variance = gaits**2 + walk**2 * walks[row, row] + _MEAN_SD**2 + noise**2
             explained = (before @ covariance[:, :, None])[:, :, 0]
             left = np.sqrt(variance - (explained**2).sum(axis=1))
-            roots[:, row, :row] = -(explained[:, None, :] @ before)[:, 0, :] / left[:, None]
-            roots[:, row, row] = 1.0 / left
-        self._kept, self._places, self._roots = kept, places.copy(), roots
-        return roots
+            self._roots.put(row, -(explained[:, None, :] @ before)[:, 0, :] / left[:, None], 1.0 / left)
+        self._kept, self._places = kept, places.copy()
+        return self._roots.of(len(kept))
+
+
+@dataclass(frozen=True, slots=True)
+class _Roots:
+    """Inverse roots of covariances, for each of the grid, in arrays that have room for more rows.
+
+    Args:
+        inverse: the lower triangular inverse roots, (grid, n, n).
+        after: what a step at each trial T = 0, 1 ... becomes: sums of their columns behind T, (grid, n, n).
+        precision: sum of the squares of ``after`` up to each row, (n, grid, n).
+    """
+
+    inverse: Array
+    after: Array
+    precision: Array
+
+    @classmethod
+    def empty(cls, most: int) -> _Roots:
+        """Return room for so many rows."""
+        grid = len(_GRID)
+        return cls(np.zeros((grid, most, most)), np.zeros((grid, most, most)), np.zeros((most, grid, most)))
+
+    @property
+    def most(self) -> int:
+        """Number of rows that there is room for."""
+        return len(self.precision)
+
+    def of(self, count: int) -> _Roots:
+        """Return the first rows, as views."""
+        part = slice(count)
+        return _Roots(self.inverse[:, part, part], self.after[:, part, part], self.precision[part, :, part])
+
+    def with_room(self, most: int) -> _Roots:
+        """Return the same rows with room for more."""
+        larger = _Roots.empty(most)
+        for whole, part in zip(
+            (larger.of(self.most).inverse, larger.of(self.most).after, larger.of(self.most).precision),
+            (self.inverse, self.after, self.precision),
+            strict=True,
+        ):
+            whole[...] = part
+        return larger
+
+    def put(self, row: int, before: Array, diagonal: Array) -> None:
+        """Set a row, and so all that follows: (grid, row) before the diagonal, and (grid,) on it."""
+        self.inverse[:, row, :row], self.inverse[:, row, row] = before, diagonal
+        sums = np.cumsum(self.inverse[:, row, row::-1], axis=1)[:, ::-1]  # of the columns from each on
+        self.after[:, row, :row] = sums[:, 1:]
+        self.precision[row] = self.precision[row - 1] if row else 0.0
+        self.precision[row, :, :row] += self.after[:, row, :row] ** 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,12 +220,11 @@ class _Weighed:
     share: Array
 
 
-def _weigh(roots: Array, y: Array) -> _Weighed:
+def _weigh(roots: _Roots, y: Array) -> _Weighed:
     """Weigh all steps by their evidence."""
-    solved = roots @ y
-    after = np.cumsum(roots[:, :, ::-1], axis=2)[:, :, -2::-1]  # what a step at trial T = 1, 2 ... becomes
-    none = np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1) - 0.5 * (solved**2).sum(axis=1)
-    precision, pull = (after**2).sum(axis=1), np.einsum("hij,hi->hj", after, solved)
+    solved = roots.inverse @ y
+    none = np.log(np.diagonal(roots.inverse, axis1=1, axis2=2)).sum(axis=1) - 0.5 * (solved**2).sum(axis=1)
+    precision, pull = roots.precision[-1, :, :-1], np.einsum("hij,hi->hj", roots.after[:, :, :-1], solved)
     posterior = precision + _STEP_SD**-2
     gains, steps = [], []
     for mean in (-_STEP, _STEP):
@@ -189,7 +237,7 @@ def _weigh(roots: Array, y: Array) -> _Weighed:
     downs, ups = share[:, 1 : len(y)], share[:, len(y) :]
     of_sizes = share.sum(axis=1)
     raised = np.cumsum(ups * steps[1], axis=1) / np.maximum(of_sizes, 1e-300)[:, None]
-    return _Weighed(downs, steps[0], np.concatenate([np.zeros((len(roots), 1)), raised], axis=1), of_sizes)
+    return _Weighed(downs, steps[0], np.concatenate([np.zeros((len(_GRID), 1)), raised], axis=1), of_sizes)
 
 
 def _expect_change(roots: Array, y: Array, walks: Array, weighed: _Weighed) -> Array:
