@@ -1,4 +1,4 @@
-"""How strongly a gait drives the robot: a trend of the mean, and inputs through a dead zone.
+"""How strongly a gait drives the robot: a trend of the mean, beyond a dead zone.
 
 A vibrating robot stands still until a motor's force overcomes friction, and moves the faster, the harder it is shaken.
 """
@@ -65,29 +65,25 @@ class Drive:
         """Whether a gait's drive can differ from another's."""
         return len(self.frequencies) > 0
 
-    def view(self, x: Array, dead_zones: Array) -> View:
-        """Return places (m, d) under each of the dead zones (h,)."""
-        warped = np.repeat(x[None], len(dead_zones), axis=0)
+    def trend(self, x: Array, dead_zones: Array) -> Array:
+        """Return the trend (h, m) at places (m, d) under each of the dead zones (h,); 0 where it has no meaning."""
         if not self.has_meaning:
-            return View(warped, np.zeros(warped.shape[:2]))
-        u, beyond = self._beyond(x, dead_zones)
-        warped[:, :, self.frequencies] = np.sign(u) * beyond / self.span[self.frequencies]
-        effect = self._amplitude(x) * beyond
-        return View(warped, DRIVE_RANGE / len(self.frequencies) * effect.sum(axis=2) - DRIVE_RANGE * USUAL_DRIVE)
+            return np.zeros((len(dead_zones), len(x)))
+        effect = self._amplitude(x) * self._beyond(x, dead_zones)[1]
+        return np.asarray(DRIVE_RANGE / len(self.frequencies) * effect.sum(axis=2) - DRIVE_RANGE * USUAL_DRIVE)
 
-    def slopes(self, x: Array, dead_zones: Array) -> Slopes:
-        """Return how the view of places (m, d) changes with them, under each of the dead zones (h,)."""
-        of_warped = np.ones((len(dead_zones), *x.shape))
-        of_trend = np.zeros(of_warped.shape)
+    def trend_slopes(self, x: Array, dead_zones: Array) -> Array:
+        """Return the gradient (h, m, d) of the trend at places (m, d) under each of the dead zones (h,)."""
+        slopes = np.zeros((len(dead_zones), *x.shape))
         if not self.has_meaning:
-            return Slopes(of_warped, of_trend)
+            return slopes
         at, by, share = self.frequencies, self.amplitudes, DRIVE_RANGE / len(self.frequencies)
         u, beyond = self._beyond(x, dead_zones)
-        of_warped[:, :, at] = rise = (beyond > 0.0) / (1.0 - dead_zones[:, None, None])
+        rise = (beyond > 0.0) / (1.0 - dead_zones[:, None, None])
         free = by != at
-        of_trend[:, :, by[free]] = share * beyond[:, :, free] * self.span[by[free]]
-        of_trend[:, :, at] = share * self._amplitude(x) * np.sign(u) * rise * self.span[at]
-        return Slopes(of_warped, of_trend)
+        slopes[:, :, by[free]] = share * beyond[:, :, free] * self.span[by[free]]
+        slopes[:, :, at] = share * self._amplitude(x) * np.sign(u) * rise * self.span[at]
+        return slopes
 
     def _beyond(self, x: Array, dead_zones: Array) -> tuple[Array, Array]:
         """Return the frequencies u (m, f), and what of them is beyond each dead zone, e (h, m, f)."""
@@ -101,31 +97,3 @@ class Drive:
             return 1.0
         by = self.amplitudes
         return np.where(by == self.frequencies, 1.0, self.low[by] + self.span[by] * x[:, by])
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """Places as they look under some dead zones.
-
-    Without a dead zone they are the same places, moved by a constant, so that length scales keep their meaning.
-
-    Args:
-        warped: places (h, m, d) without the dead zone.
-        trend: trend (h, m) of the drive; 0 where a drive has no meaning.
-    """
-
-    warped: Array
-    trend: Array
-
-
-@dataclass(frozen=True, slots=True)
-class Slopes:
-    """How a view changes with the places.
-
-    Args:
-        of_warped: derivative (h, m, d) of each number of a warped place with respect to the place's own.
-        of_trend: gradient (h, m, d) of the trend.
-    """
-
-    of_warped: Array
-    of_trend: Array

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.transfer.bayes.drive import Drive, Slopes
+from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.gp import BLOCK_PLACES, BLOCK_ROWS, LARGER, GaussianProcess, blocks
 from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations, matern
 from vvvaltr.transfer.bayes.scale import Scale
@@ -22,11 +22,10 @@ LEVEL_SD = 0.5
 
 
 def observe_drive(drive: Drive, trials: Trials, scale: Scale, dead_zone: float) -> Observations:
-    """Return trials as observations of what the drive leaves to explain, at places without the dead zone."""
-    view = drive.view(trials.x, np.array([dead_zone]))
-    rise = view.trend[0]
+    """Return trials as observations of what the drive leaves to explain."""
+    rise = drive.trend(trials.x, np.array([dead_zone]))[0]
     return Observations(
-        x=view.warped[0],
+        x=trials.x,
         y=scale.standardise(trials.scores) - RISE * rise,
         given=np.zeros(len(trials)),
         share=trials.shares,
@@ -42,15 +41,14 @@ def rise_of(process: GaussianProcess) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Driven:
-    """The posterior of h hypotheses, one of which is right. All arrays have the hypotheses first.
+    """The posterior of h hypotheses with the same hyperparameters, one of which is right.
 
     Args:
         drive: drive of the space.
         chance: probability (h, 1) of each hypothesis.
         dead_zones: dead zone (h,) of each.
-        x: places (h, n, d) of the observations without the dead zone, in length scales.
-        length: length scales (h, 1, d).
-        signal: signal variances (h, 1).
+        x: places (n, d) of the observations, in length scales.
+        hyperparameters: those of all of them.
         trend: trends (h, n, t) of the observations, the first two those of the function to predict.
         loading: correlation (h, 1, n) of the observations' functions with the one to predict.
         inverse_root, weights: those of the processes, (h, n, n) and (h, n).
@@ -60,8 +58,7 @@ class Driven:
     chance: Array
     dead_zones: Array
     x: Array
-    length: Array
-    signal: Array
+    hyperparameters: Hyperparameters
     trend: Array
     loading: Array
     inverse_root: Array
@@ -72,15 +69,13 @@ class Driven:
         cls, drive: Drive, chance: Array, dead_zones: Sequence[float], processes: Sequence[GaussianProcess]
     ) -> Driven:
         """Return the mixture of processes of ``observe_drive``, each with its probability (h,) and its dead zone."""
-        fitted: list[Hyperparameters] = [process.hyperparameters for process in processes]
-        length = np.array([each.length_scale for each in fitted])[:, None, :]
+        first = processes[0]
         return cls(
             drive,
             chance[:, None],
             np.array(dead_zones),
-            np.array([process.observations.x for process in processes]) / length,
-            length,
-            np.array([[each.signal_variance] for each in fitted]),
+            first.observations.x / first.hyperparameters.length_scale,
+            first.hyperparameters,
             np.array([process.observations.trend for process in processes]),
             np.array([np.broadcast_to(process.observations.loading, process.weights.shape) for process in processes])[
                 :, None
@@ -102,11 +97,11 @@ class Driven:
 
     def predict_with_gradient(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """See ``Posterior``."""
-        near, slopes = self._near(x), self.drive.slopes(x, self.dead_zones)
+        near, slopes = self._near(x), self.drive.trend_slopes(x, self.dead_zones)
         means, projected = self._means(near), self._project(near.kernel)
         mean_slopes = self._mean_slopes(near, slopes)
         variance_slopes = -2.0 * self._slopes(near, slopes, projected @ self.inverse_root)
-        variance_slopes += 2.0 * RISE_SD**2 * near.trend[:, :, None] * slopes.of_trend
+        variance_slopes += 2.0 * RISE_SD**2 * near.trend[:, :, None] * slopes
         chance, mean = self.chance[:, :, None], (self.chance * means).sum(axis=0)
         mean_slope, away = (chance * mean_slopes).sum(axis=0), means - mean
         variance_slopes += 2.0 * away[:, :, None] * (mean_slopes - mean_slope)
@@ -116,7 +111,7 @@ class Driven:
     def predict_mean_with_gradient(self, x: Array) -> tuple[Array, Array]:
         """See ``Posterior``."""
         near = self._near(x)
-        slopes = self._mean_slopes(near, self.drive.slopes(x, self.dead_zones))
+        slopes = self._mean_slopes(near, self.drive.trend_slopes(x, self.dead_zones))
         slope = (self.chance[:, :, None] * slopes).sum(axis=0)
         return (self.chance * self._means(near)).sum(axis=0), np.asarray(slope)
 
@@ -129,29 +124,27 @@ class Driven:
 
     def _near(self, x: Array) -> _Near:
         """Return what the predictions at places (m, d) are made of."""
-        view = self.drive.view(x, self.dead_zones)
-        warped = view.warped / self.length
-        squares = (warped**2).sum(axis=2)[:, :, None] + (self.x**2).sum(axis=2)[:, None]
-        squares -= 2.0 * warped @ self.x.transpose(0, 2, 1)
-        kernel, rise = matern(np.maximum(squares, 0.0, out=squares))
-        kernel *= self.signal[:, :, None] * self.loading
-        common = RISE_SD * view.trend[:, :, None] * self.trend[:, None, :, 0]
-        common += LEVEL_SD * self.trend[:, None, :, 1]
-        kernel += common
-        return _Near(kernel, rise, warped, view.trend)
+        trend, scaled = self.drive.trend(x, self.dead_zones), x / self.hyperparameters.length_scale
+        squares = (scaled**2).sum(axis=1)[:, None] + (self.x**2).sum(axis=1) - 2.0 * scaled @ self.x.T
+        correlation, rise = matern(np.maximum(squares, 0.0, out=squares))
+        kernel = RISE_SD * trend[:, :, None] * self.trend[:, None, :, 0]
+        kernel += LEVEL_SD * self.trend[:, None, :, 1]
+        kernel += self.hyperparameters.signal_variance * correlation * self.loading
+        return _Near(kernel, rise, scaled, trend)
 
     def _means(self, near: _Near) -> Array:
         """Return the mean (h, m) of every hypothesis."""
         return np.asarray((near.kernel @ self.weights[:, :, None])[:, :, 0] + RISE * near.trend)
 
-    def _mean_slopes(self, near: _Near, slopes: Slopes) -> Array:
+    def _mean_slopes(self, near: _Near, slopes: Array) -> Array:
         """Return the gradient (h, m, d) of every hypothesis' mean."""
-        return self._slopes(near, slopes, self.weights[:, None]) + RISE * slopes.of_trend
+        return self._slopes(near, slopes, self.weights[:, None]) + RISE * slopes
 
     def _variances(self, near: _Near, projected: Array) -> Array:
         """Return the variance (h, m) of every hypothesis, from the kernel times the inverse root (h, m, n)."""
-        prior = self.signal + LEVEL_SD**2 + (RISE_SD * near.trend) ** 2
-        return np.asarray(np.maximum(prior - (projected**2).sum(axis=2), 1e-10 * self.signal))
+        signal = self.hyperparameters.signal_variance
+        prior = signal + LEVEL_SD**2 + (RISE_SD * near.trend) ** 2
+        return np.asarray(np.maximum(prior - (projected**2).sum(axis=2), 1e-10 * signal))
 
     def _project(self, kernel: Array) -> Array:
         """Return a kernel (h, m, n) times the transposed inverse root, whose rows are zero behind the diagonal."""
@@ -164,22 +157,23 @@ class Driven:
             np.matmul(kernel[:, :, : rows.stop], root.transpose(0, 2, 1), out=projected[:, :, rows])
         return projected
 
-    def _slopes(self, near: _Near, slopes: Slopes, factor: Array) -> Array:
+    def _slopes(self, near: _Near, slopes: Array, factor: Array) -> Array:
         """Return the gradient (h, m, d) of the kernel times ``factor`` (h, m, n) or (h, 1, n), which is held fixed."""
-        weighted = self.signal[:, :, None] * self.loading * near.rise * factor
-        difference = weighted @ self.x - weighted.sum(axis=2)[:, :, None] * near.warped
+        weighted = self.loading * near.rise * factor
+        difference = weighted @ self.x - weighted.sum(axis=2)[:, :, None] * near.scaled
+        per_length = 5.0 / 3.0 * self.hyperparameters.signal_variance / self.hyperparameters.length_scale
         by_trend = RISE_SD * (factor @ self.trend[:, :, :1])
-        return np.asarray(5.0 / 3.0 * difference * slopes.of_warped / self.length + by_trend * slopes.of_trend)
+        return np.asarray(difference * per_length + by_trend * slopes)
 
 
 @dataclass(frozen=True, slots=True)
 class _Near:
     """Some places as all hypotheses see them: kernel (h, m, n) with the observations, and trend (h, m).
 
-    ``rise`` is that of ``matern``.
+    ``rise`` (m, n) is that of ``matern``, ``scaled`` are the places (m, d) in length scales.
     """
 
     kernel: Array
     rise: Array
-    warped: Array
+    scaled: Array
     trend: Array

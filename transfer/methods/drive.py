@@ -39,7 +39,7 @@ DEAD_ZONE = "dead_zone"
 
 
 class DriveBO(Search):
-    """Bayesian optimisation with a mean that rises with the drive, and with inputs through a dead zone.
+    """Bayesian optimisation with a mean that rises with the drive beyond a dead zone.
 
     How much the mean rises is a coefficient with a wide prior, and the dead zone is one of several, each weighed by how
     well it explains the trials: data decide about both. There is no initial design. The first gait is one of the
@@ -65,7 +65,7 @@ def propose_first(drive: Drive, dimension: int, seed: int) -> list[Proposal]:
     if not drive.has_meaning:
         return propose_design(INITIAL_TRIALS, dimension, stream(seed, 0, "initial design"))
     x = places_on_bounds(PLACES_ON_BOUNDS, dimension, stream(seed, 0, "strongest drive"))
-    return [Proposal(x[np.argmax(drive.view(x, np.zeros(1)).trend[0])], "strongest drive")]
+    return [Proposal(x[np.argmax(drive.trend(x, np.zeros(1))[0])], "strongest drive")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +177,6 @@ def believe(space: GaitSpace, scale: Scale, fitted: Conditioned, hypotheses: Hyp
     return replace(
         belief,
         posterior=hypotheses.posterior(),
-        seen=fitted.rows.x,  # not where they are without the dead zone
         hyperparameters=names,
         bounds=hypotheses.places_on_bounds,
     )

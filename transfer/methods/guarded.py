@@ -194,12 +194,11 @@ def couple_drive(
     what differs from gait to gait of like drive.
     """
     together = couple(runs, trials, scale, correlations)
-    view = drive.view(together.x, np.array([dead_zone]))
-    rise = view.trend[0]
+    rise = drive.trend(together.x, np.array([dead_zone]))[0]
     task = np.repeat(np.arange(len(runs) + 1), [*(len(run.trials) for run in runs), len(trials)])
     tasks = [len(runs), *range(len(runs))]  # the target's trend first, where ``Driven`` seeks it
     trend = [np.where(task == i, part, 0.0) for i in tasks for part in (RISE_SD * rise, LEVEL_SD)]
-    return replace(together, x=view.warped[0], y=together.y - RISE * rise, trend=np.stack(trend, axis=1))
+    return replace(together, y=together.y - RISE * rise, trend=np.stack(trend, axis=1))
 
 
 def follow_hypotheses(

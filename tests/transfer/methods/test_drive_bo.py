@@ -1,6 +1,7 @@
 """The default without a source: what it expects of a robot's drive, and that data decide about it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from vvvaltr.transfer.methods.plain_bo import INITIAL_TRIALS, PlainBO
 SIGNED = GaitSpace.over(3, -16.0, 16.0)
 ONE_SENSE = GaitSpace.over(3, 4.0, 16.0)
 AMPLITUDES = GaitSpace.over(2, -16.0, 16.0, (Quantity.FREQUENCY, Quantity.AMPLITUDE))
+PER_HYPOTHESIS = ("dead_zones", "trend", "loading", "inverse_root", "weights")
 PHASES = GaitSpace.over(2, 0.0, 1.0, (Quantity.PHASE,))
 
 
@@ -62,15 +64,9 @@ def belief_of(x: np.ndarray, scores: np.ndarray, space: GaitSpace = SIGNED) -> d
     return dict(belief.hyperparameters)
 
 
-def test_what_was_seen_are_the_gaits_tried_and_not_where_the_dead_zone_leaves_them() -> None:
-    x = np.random.default_rng(5).random((6, 3))
-    belief = learn_driven(SIGNED, Drive.of(SIGNED), Trials(x, x.sum(axis=1)), None, np.random.default_rng(0))
-    assert np.array_equal(belief.seen, x)
-
-
 def test_data_decide_whether_more_drive_moves_more() -> None:
     x = np.random.default_rng(5).random((25, 3))
-    drive = Drive.of(SIGNED).view(x, np.zeros(1)).trend[0]
+    drive = Drive.of(SIGNED).trend(x, np.zeros(1))[0]
     assert belief_of(x, 1.0 + drive)["drive"] > 0.7
     assert belief_of(x, 1.0 - drive)["drive"] < -0.2
 
@@ -83,9 +79,20 @@ def test_data_decide_how_wide_the_dead_zone_is() -> None:
     assert belief_of(x, none)["dead_zone_hz"] <= 4.8
 
 
+def test_gaits_whose_slow_motors_differ_within_the_dead_zone_are_told_apart() -> None:
+    x = np.random.default_rng(5).random((40, 3))
+    x[:, 1:] = np.round(x[:, 1:])
+    gaits = [ONE_SENSE.from_unit(place) for place in x]
+    scores = np.array([shaken(gait, 11.2) * (1.5 if gait.frequency_hz[0] < 8.0 else 1.0) for gait in gaits])
+    belief = learn_driven(ONE_SENSE, Drive.of(ONE_SENSE), Trials(x, scores), None, np.random.default_rng(0))
+    assert belief.hyperparameters["dead_zone_hz"] >= 9.0
+    slow, slower = belief.posterior.predict_mean(np.array([[0.45, 1.0, 1.0], [0.15, 1.0, 1.0]]))
+    assert slower > slow + 0.1
+
+
 def test_amplitudes_count_and_phases_do_not() -> None:
     loud, faint = (AMPLITUDES.to_unit(Gait((16.0, 16.0), (), (share, share))) for share in (1.0, 0.25))
-    trend = Drive.of(AMPLITUDES).view(np.array([loud, faint]), np.zeros(1)).trend[0]
+    trend = Drive.of(AMPLITUDES).trend(np.array([loud, faint]), np.zeros(1))[0]
     assert trend == pytest.approx([3.0 * (1.0 - 0.4), 3.0 * (0.25 - 0.4)])
     assert not Drive.of(PHASES).has_meaning
 
@@ -126,7 +133,11 @@ def test_the_mixture_has_the_moments_of_its_hypotheses() -> None:
     posterior, x = belief.posterior, rng.random((4, 3))
     assert isinstance(posterior, Driven) and len(posterior.chance) > 1
     alone = [
-        Driven(drive, np.ones((1, 1)), *(getattr(posterior, name)[i : i + 1] for name in Driven.__slots__[2:]))
+        replace(
+            posterior,
+            chance=np.ones((1, 1)),
+            **{name: getattr(posterior, name)[i : i + 1] for name in PER_HYPOTHESIS},
+        )
         for i in range(len(posterior.chance))
     ]
     means, variances = (np.array(part) for part in zip(*(each.predict(x) for each in alone), strict=True))
