@@ -34,6 +34,7 @@ _MEAN_SD = 2.0  # of the logarithm, of all gaits together
 _LENGTH = 0.5  # over which gaits are alike, in the unit cube's sides
 _FAR_BELOW = -1.4  # of the logarithm against what the other trials predict: a quarter, where a step is a half
 _LEAST_SHARE = 1e-3  # probability below which sizes of noise, walk and gaits are left out
+_ROOM = 10  # rows that roots get room for beyond those that they need
 _LEAST = 0.05  # of the median speed: below it, a logarithm says nothing
 
 
@@ -138,8 +139,8 @@ class StrengthLearner:
         same = next((i for i, (one, other) in enumerate(pairs) if one != other), min(len(kept), len(self._kept)))
         if not np.array_equal(places[:same], self._places[:same]):
             same = 0
-        if len(kept) > self._roots.most:
-            self._roots = self._roots.with_room(2 * len(kept))
+        if len(kept) > self._roots.inverse.shape[1]:
+            self._roots = self._roots.with_room(len(kept) + _ROOM)
         noise, walk, gaits = _GRID.T
         likeness = np.exp(-distance / _LENGTH)
         for row in range(same, len(kept)):
@@ -160,47 +161,32 @@ class _Roots:
     Args:
         inverse: the lower triangular inverse roots, (grid, n, n).
         after: what a step at each trial T = 0, 1 ... becomes: sums of their columns behind T, (grid, n, n).
-        precision: sum of the squares of ``after`` up to each row, (n, grid, n).
     """
 
     inverse: Array
     after: Array
-    precision: Array
 
     @classmethod
     def empty(cls, most: int) -> _Roots:
         """Return room for so many rows."""
-        grid = len(_GRID)
-        return cls(np.zeros((grid, most, most)), np.zeros((grid, most, most)), np.zeros((most, grid, most)))
-
-    @property
-    def most(self) -> int:
-        """Number of rows that there is room for."""
-        return len(self.precision)
+        return cls(*np.zeros((2, len(_GRID), most, most)))
 
     def of(self, count: int) -> _Roots:
         """Return the first rows, as views."""
-        part = slice(count)
-        return _Roots(self.inverse[:, part, part], self.after[:, part, part], self.precision[part, :, part])
+        return _Roots(self.inverse[:, :count, :count], self.after[:, :count, :count])
 
     def with_room(self, most: int) -> _Roots:
         """Return the same rows with room for more."""
         larger = _Roots.empty(most)
-        for whole, part in zip(
-            (larger.of(self.most).inverse, larger.of(self.most).after, larger.of(self.most).precision),
-            (self.inverse, self.after, self.precision),
-            strict=True,
-        ):
-            whole[...] = part
+        first = larger.of(self.inverse.shape[1])
+        first.inverse[...], first.after[...] = self.inverse, self.after
         return larger
 
     def put(self, row: int, before: Array, diagonal: Array) -> None:
-        """Set a row, and so all that follows: (grid, row) before the diagonal, and (grid,) on it."""
+        """Set a row: (grid, row) before the diagonal, and (grid,) on it."""
         self.inverse[:, row, :row], self.inverse[:, row, row] = before, diagonal
         sums = np.cumsum(self.inverse[:, row, row::-1], axis=1)[:, ::-1]  # of the columns from each on
         self.after[:, row, :row] = sums[:, 1:]
-        self.precision[row] = self.precision[row - 1] if row else 0.0
-        self.precision[row, :, :row] += self.after[:, row, :row] ** 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +210,8 @@ def _weigh(roots: _Roots, y: Array) -> _Weighed:
     """Weigh all steps by their evidence."""
     solved = roots.inverse @ y
     none = np.log(np.diagonal(roots.inverse, axis1=1, axis2=2)).sum(axis=1) - 0.5 * (solved**2).sum(axis=1)
-    precision, pull = roots.precision[-1, :, :-1], np.einsum("hij,hi->hj", roots.after[:, :, :-1], solved)
+    after = roots.after[:, :, :-1]
+    precision, pull = (after**2).sum(axis=1), np.einsum("hij,hi->hj", after, solved)
     posterior = precision + _STEP_SD**-2
     gains, steps = [], []
     for mean in (-_STEP, _STEP):
