@@ -36,6 +36,18 @@ def test_a_closed_standard_error_changes_nothing(tmp_path: Path) -> None:
     assert (tmp_path / "run" / "trials.mcap").read_bytes().endswith(b"\x89MCAP0\r\n")
 
 
+def test_a_standard_error_that_cannot_be_written_changes_nothing(tmp_path: Path) -> None:
+    ours, theirs = os.pipe()
+    os.close(ours)  # whoever read it has ended
+
+    with open("/dev/full", "w") as full, os.fdopen(theirs, "w") as unread:
+        for number, stream in enumerate((full, unread)):
+            command = [*VVVALTR, *LEARN, "--trials", "2", "--out", str(tmp_path / f"{number}")]
+            done = subprocess.run(command, stdout=subprocess.PIPE, stderr=stream, text=True)
+
+            assert (done.returncode, json.loads(done.stdout)["trials"]) == (0, 2)
+
+
 def test_errors_never_come_out_of_standard_output() -> None:
     done = subprocess.run(" ".join([*VVVALTR, "learn --robot nope 2>&-"]), shell=True, stdout=subprocess.PIPE)
 

@@ -6,6 +6,7 @@ see ``vvvaltr.controller.core.signals``.
 """
 
 import _signal  # type: ignore[import-not-found]  # built in; importing signal takes a millisecond without handlers
+import io
 import os
 import sys
 
@@ -70,9 +71,20 @@ def _open_missing_streams() -> None:
             os.open(os.devnull, os.O_RDWR)
             name = ("stdin", "stdout", "stderr")[number]
             setattr(sys, name, open(number, mode, encoding="utf-8", errors="replace", closefd=False))  # noqa: SIM115
-    for stream in (sys.stdout, sys.stderr):
-        # A letter that the terminal does not have must not end a run.
-        stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    # A letter that the terminal does not have must not end a run, nor must progress that nobody can be told of.
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    told = io.BufferedWriter(_Progress(2, "w", closefd=False))
+    sys.stderr = io.TextIOWrapper(told, sys.stderr.encoding, "backslashreplace", line_buffering=True)
+
+
+class _Progress(io.FileIO):
+    """Standard error: a full disk, a reader that has ended or a terminal that is gone is not the run's concern."""
+
+    def write(self, data: "io._WriteBuffer") -> int:  # type: ignore[name-defined]
+        try:
+            return super().write(data)
+        except OSError:
+            return len(data)
 
 
 def _leave(status: int) -> NoReturn:
