@@ -22,7 +22,10 @@ def explain(name: str, error: Exception) -> str:
     port = channel.partition("@")[0] if is_bus else name
     match _find_number(error):
         case errno.ENOENT:
-            return f"{name}: there is no such port now{describe_ports()}; plug the device in, or correct its port"
+            return (
+                f"{name}: there is no such port now{describe_ports()}; plug the device in, or write its new port into "
+                "the robot's file, with which a run goes on by --resume DIR --robot FILE"
+            )
         case errno.EACCES | errno.EPERM:
             return f"{name}: permission denied; {_permission_cure(port)}"
         case errno.EAGAIN | errno.EBUSY if os.path.exists(port):

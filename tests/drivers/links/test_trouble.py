@@ -108,7 +108,7 @@ def test_every_command_tells_cause_and_cure(
     cause, cure = {
         "in use": (f"{port}: in use by", "end that one first"),
         "permission": (f"{port}: permission denied", r"sudo (usermod -aG|chmod a\+rw)"),
-        "gone": ("/dev/gone: there is no such port now", "plug the device in, or correct its port"),
+        "gone": ("/dev/gone: there is no such port now", "a run goes on by --resume DIR --robot FILE"),
         "no power": (f"{port}: no board answers as number 0", "check power, wiring, baud rate"),
         "echo": (f"{port}: what is sent comes back", "part the wires, or switch the echo off"),
     }[trouble]
