@@ -6,6 +6,7 @@ After Rasmussen and Williams, *Gaussian Processes for Machine Learning* (2006): 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,9 +53,20 @@ class GaussianProcess:
     @classmethod
     def condition(cls, observations: Observations, hyperparameters: Hyperparameters) -> GaussianProcess:
         """Return the posterior under given hyperparameters. Raises LinAlgError where they are degenerate."""
-        covariance, _ = covariance_of(observations, hyperparameters, squared_differences(observations.x))
-        inverse_root = invert_lower(np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
-        return cls(observations, hyperparameters, inverse_root, inverse_root.T @ (inverse_root @ observations.y))
+        return cls.condition_each([observations], hyperparameters)[0]
+
+    @classmethod
+    def condition_each(
+        cls, alternatives: Sequence[Observations], hyperparameters: Hyperparameters
+    ) -> list[GaussianProcess]:
+        """Return the posteriors given each of some observations that differ in values and trend alone."""
+        bare = replace(alternatives[0], trend=None)
+        covariance, _ = covariance_of(bare, hyperparameters, squared_differences(bare.x))
+        processes = []
+        for each in alternatives:
+            root = invert_lower(np.asarray(np.linalg.cholesky(covariance + each.of_trend()), dtype=np.float64))
+            processes.append(cls(each, hyperparameters, root, root.T @ (root @ each.y)))
+        return processes
 
     def with_values(self, y: Array) -> GaussianProcess:
         """Return the posterior given other values (n,) at the same places."""

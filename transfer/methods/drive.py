@@ -88,17 +88,15 @@ class Hypotheses:
 
         The fit's own process, with the dead zone ``zone``, is one of them.
         """
-        processes = []
-        for place, each in enumerate(list_zones(drive)):
-            if each == zone:
-                processes.append(fitted.process)
-                continue
-            rows = observe_drive(drive, fitted.rows, scale, each)
-            if goes_on(last, fitted):
-                processes.append(last.others[place].extend(rows))
-            else:
-                processes.append(GaussianProcess.condition(rows, fitted.hyperparameters))
-        return cls.of(drive, processes)
+        zones = list_zones(drive)
+        others = [place for place, each in enumerate(zones) if each != zone]
+        rows = [observe_drive(drive, fitted.rows, scale, zones[place]) for place in others]
+        if goes_on(last, fitted):
+            found = [last.others[place].extend(it) for place, it in zip(others, rows, strict=True)]
+        else:
+            found = GaussianProcess.condition_each(rows, fitted.hyperparameters) if rows else []
+        known = dict(zip(others, found, strict=True))
+        return cls.of(drive, [known.get(place, fitted.process) for place in range(len(zones))])
 
     @classmethod
     def of(cls, drive: Drive, processes: Sequence[GaussianProcess]) -> Hypotheses:
