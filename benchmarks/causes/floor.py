@@ -21,7 +21,7 @@ from vvvaltr.controller.core.records import Piece
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.loop.trial_runner import run_trial
-from vvvaltr.transfer.causes.floor import DriftLearner
+from vvvaltr.transfer.causes.floor import SURE, DriftLearner
 from vvvaltr.transfer.causes.pieces import cut, weigh
 from vvvaltr.twin.engine import Start
 from vvvaltr.twin.presets import TWINS
@@ -113,4 +113,6 @@ def _tell(name: str, runs: list[Row], look: int, true_mm: Array) -> None:
         told += f", true {truth.mean():.1f} ({true_mm[-1]:.1f} at full strength), within 30 % in {near.mean():.0%}"
         told += f"; direction off by {np.median(off):.0f} degrees"
         told += f" (80 %: {np.quantile(off, 0.8):.0f}), within 20 in {np.mean(off < 20.0):.0%}"
+        is_told = np.array([run["inclined"][look] for run in runs]) >= SURE
+        told += f"; told in {is_told.mean():.0%}, and then within 20 in {np.mean(off[is_told] < 20.0):.0%}"
     print(told, flush=True)

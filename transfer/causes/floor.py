@@ -30,6 +30,9 @@ from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.records import Piece
 from vvvaltr.transfer.causes.pieces import find_speed_m_s, turns
 
+SURE = 0.95
+"""Probability of a drift at which it is told."""
+
 _SIZES = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)  # of the drift, over the usual speed of a trial
 _LEVEL = 0.25  # prior probability of a level floor
 _USUAL_NOISE = 0.45  # of a piece, over the trial's own speed
@@ -39,7 +42,6 @@ _NOISES = (0.45, 1.0)  # of the pieces, over what is found of each trial by itse
 _CHANGES = (0.1, 0.3)  # of a gait from trial to trial, over the trial's own speed
 _DIFFERS = 0.35  # standard deviation of e over the size of the drift
 _LEAST_M = 0.0005  # noise of a piece that hardly moves
-_SURE = 0.95  # probability of a drift at which it is told
 _LEAST_SHARE = 1e-3  # probability below which a hypothesis says nothing of single trials
 _SPREADS = (0.3, 0.6, 1.2)  # standard deviation of v, over the usual speed
 _WIDE = 3.0  # standard deviation of g_0, over the usual speed
@@ -77,7 +79,7 @@ class Drift:
     @property
     def is_told(self) -> bool:
         """Whether it is certain enough to be told."""
-        return self.is_inclined >= _SURE
+        return self.is_inclined >= SURE
 
     @property
     def azimuth_rad(self) -> float:
