@@ -78,7 +78,7 @@ def tell_causes(found: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for it in found.get("stood_still", ()):
         gait = " ".join(f"{hz:.2f}" for hz in it["gait_hz"])
         moved = f"{gait} Hz moved in {it['moved']} of {it['trials']} trials"
-        yield "stood", f"{moved}, {1000.0 * it['speed_m_s']:.1f} mm/s when it did; its speed is told from these alone"
+        yield "stood", f"{moved}, {1000.0 * it['speed_m_s']:.1f} mm/s when it did"
 
 
 def _tell_correction(corrected: Mapping[str, float]) -> str:
