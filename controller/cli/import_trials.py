@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import number
+from vvvaltr.controller.cli.telling import counted
 from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
@@ -89,7 +90,7 @@ def _execute(arguments: Namespace) -> Answer:
         ) from None
     best = result["best_observed"]
     return Answer(
-        f"{len(trials)} trials, the fastest {1000.0 * best['score_m_s']:.1f} mm/s\n"
+        f"{counted(len(trials), 'trial')}, the fastest {1000.0 * best['score_m_s']:.1f} mm/s\n"
         f"learn from them: vvvaltr learn --source {arguments.out}",
         result,
     )

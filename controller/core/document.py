@@ -38,7 +38,9 @@ def read_document(path: Path) -> Any:
         raise UserError(f"{path}: there is no such file") from None
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}; name an ordinary file") from None
-    except ValueError as error:  # of TOML, JSON and UTF-8 alike
+    except UnicodeDecodeError:
+        raise NotUnderstood(f"{path} cannot be read: it is not UTF-8; save it as plain text in UTF-8") from None
+    except ValueError as error:  # of TOML and JSON alike
         raise NotUnderstood(f"{path} cannot be read: {error}; mend that line") from None
     except RecursionError:
         raise NotUnderstood(f"{path} cannot be read: {_TOO_DEEP}; write it plainly") from None

@@ -87,6 +87,8 @@ def read_foreign_table(path: Path, columns: Sequence[str]) -> ForeignTable:
         raise UserError(f"{path}: {error.strerror}: name a CSV file") from None
     except UnicodeDecodeError as error:
         raise _no_table(path, error) from None
+    if "\0" in text:
+        raise _no_table(path, ValueError("it has zero bytes, as UTF-16 does"))
     lines = text.splitlines()
     first, separator = _find_separator(lines)
     reader = csv.reader(lines[first:], delimiter=separator)

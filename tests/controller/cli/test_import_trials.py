@@ -88,6 +88,8 @@ def test_a_run_learns_from_imported_trials(tmp_path: Path, capsys: pytest.Captur
         (TABLE.splitlines()[0] + "\n", {}, "no trial"),
         ("", {}, "has nothing"),
         (b"\x89PNG\r\n\x1a\n\x00", {}, "is not a CSV file"),
+        (TABLE.encode("utf-16"), {}, "save the table as CSV in UTF-8"),
+        (TABLE.encode("utf-16-le"), {}, "save the table as CSV in UTF-8"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(

@@ -49,3 +49,13 @@ def test_a_hostile_file_is_one_line_and_no_wait(
     assert len(told) < 2000
     assert "defect" not in told
     assert name in told
+
+
+@pytest.mark.parametrize("text", ["a = 'é'".encode("latin-1"), "a = 1".encode("utf-16")])
+def test_a_file_in_another_encoding_is_refused_with_the_cure(
+    tmp_path: Path, text: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "robot.toml").write_bytes(text)
+
+    assert main(["check", str(tmp_path / "robot.toml")]) == 2
+    assert "it is not UTF-8; save it as plain text in UTF-8" in capsys.readouterr().err
