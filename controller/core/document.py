@@ -21,6 +21,7 @@ _T = TypeVar("_T")
 _MOST_BYTES = 1 << 20
 _MOST_TABLES = 5000
 _TOO_DEEP = "it is nested too deep"
+_ZERO = re.compile(r"\\u0000|\\U00000000")
 _LONG_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){20}""")
 
 
@@ -33,6 +34,7 @@ def read_document(path: Path) -> Any:
     """Return the plain content of ``path``, JSON if its name says so, else TOML. Raises UserError, NotUnderstood."""
     try:
         text = read_text(path, _MOST_BYTES)
+        _refuse_zeros(text)
         return json.loads(text) if path.suffix == ".json" else parse_toml(text)
     except FileNotFoundError:
         raise UserError(f"{path}: there is no such file") from None
@@ -46,6 +48,12 @@ def read_document(path: Path) -> Any:
         raise NotUnderstood(f"{path} cannot be read: {_TOO_DEEP}; write it plainly") from None
 
 
+def _refuse_zeros(text: str) -> None:
+    """Raise ValueError for a zero character, which ends a name for the system and not for Python."""
+    if _ZERO.search(text):
+        raise ValueError("it has a zero character, \\u0000, which no name can have")
+
+
 def parse_toml(text: str) -> dict[str, Any]:
     """Return TOML as plain content.
 
@@ -54,6 +62,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     """
     if _LONG_KEY.search(text):
         raise ValueError(_TOO_DEEP)
+    _refuse_zeros(text)
     if text.count("\n[") > _MOST_TABLES:
         raise ValueError(f"it has more than {_MOST_TABLES} tables")
     try:

@@ -152,10 +152,13 @@ def make_arena_guard(arena: Arena) -> Guard:
     def check(pose: Pose) -> None:
         for axis, value, (low, high) in zip("xy", pose.position_m, (arena.x_m, arena.y_m), strict=False):
             if not low <= value <= high:
-                where = f"left the arena: {axis} = {value:.3f} m is outside {low:g} to {high:g} m"
+                place = f"{axis} = {value:.3f} m is outside {low:g} to {high:g} m"
+                cure = "put the robot in the middle"
+                if pose.t_s <= 0.0:
+                    raise SafetyStop(Outcome.FAULTED, f"the robot is not in its arena: {place}; {cure}")
                 if pose.t_s < _SOON_S:
-                    raise SafetyStop(Outcome.FAULTED, f"{where} after {pose.t_s:.2f} s; put the robot in the middle")
-                raise SafetyStop(Outcome.CUT_SHORT, where)
+                    raise SafetyStop(Outcome.FAULTED, f"left the arena: {place} after {pose.t_s:.2f} s; {cure}")
+                raise SafetyStop(Outcome.CUT_SHORT, f"left the arena: {place}")
 
     return check
 

@@ -84,7 +84,8 @@ def _open_tracker(robot: RobotFile, stack: ExitStack) -> PoseTracker | Finding:
     try:
         tracker = open_tracker(robot.tracker)
     except (ValueError, UserError, DeviceError) as error:
-        return Finding("tracker", False, str(error), "end the other program that uses it, or correct [tracker]")
+        what, _, cure = str(error).partition("; ")
+        return Finding("tracker", False, what, cure or "end the other program that uses it, or correct [tracker]")
     stack.callback(tracker.close)
     return tracker
 

@@ -30,6 +30,8 @@ from vvvaltr.controller.cli.main import main
         ("number.json", "1" * 1_000_000),
         ("control.toml", "a = 1\x00\x1b[2J"),
         ("latin.toml", "a = '\udce9'"),
+        ("zero.toml", '[tracker]\nkind = "stream"\nhost = "a\\u0000b"'),
+        ("zero.json", '{"tracker": {"host": "a\\u0000b"}}'),
     ],
     ids=lambda value: value if len(value) < 30 else "",
 )

@@ -145,7 +145,8 @@ def test_starting_outside_the_arena_measures_nothing() -> None:
     trial = run_trial(ScriptedRobot(), GAIT, settings)
 
     assert trial.outcome is Outcome.FAULTED
-    assert "before the drive began" in trial.reason
+    assert trial.reason.startswith("before the drive began: the robot is not in its arena: x = ")
+    assert trial.reason.endswith(" m is outside 1 to 2 m; put the robot in the middle")
     assert trial.commands == ()
 
 
