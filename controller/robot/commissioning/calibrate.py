@@ -174,18 +174,24 @@ class _Measurement:
         """Find the motor at its greatest command, where a smaller one shows that it turns slower, as it must.
 
         Raises:
-            UserError: the motor does not seem to turn slower at the smaller command. A frequency f above half the pose
-                rate r shows as r - f, which rises where f falls.
+            UserError: the motor does not seem to turn slower at the smaller command, or is not seen there. A frequency
+                f above half the pose rate r shows as r - f, which rises where f falls.
         """
-        was_seen = False
+        was_seen = were_both_seen = False
         for _ in range(_ATTEMPTS):
             fast, slow = self._look(top), self._look(_SLOWER * top)
             was_seen = was_seen or fast is not None
+            were_both_seen = were_both_seen or not (fast is None or slow is None)
             if fast is None or slow is None or fast.frequency_hz > reach.limit_hz / _NEAR_LIMIT:
                 continue
             if _LEAST_SLOWER * fast.frequency_hz < slow.frequency_hz <= fast.frequency_hz:
                 self._shape, self._last = fast, (top, fast.frequency_hz)
                 return
+        if was_seen and not were_both_seen:
+            raise UserError(
+                f"motor {self._motor + 1} is seen to shake the robot at one of two commands alone, so its speed is not "
+                "sure; see whether it turns, end other programs on this computer, and calibrate again"
+            )
         if was_seen:
             raise UserError(
                 f"motor {self._motor + 1} seems to turn faster than {reach.rate_hz:.0f} poses/s can show; let the "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import itertools
 import json
 import os
 import re
@@ -11,17 +12,22 @@ import shutil
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import msgspec
+import numpy as np
 import pytest
 from relayed import relayed
 
 import vvvaltr.controller.robot.commissioning.calibrate
 from vvvaltr.controller.cli.main import main
+from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.values import MotorState
-from vvvaltr.controller.robot.commissioning.calibrate import Reach, Reading, fit_curve, remove_curves
+from vvvaltr.controller.robot.commissioning.calibrate import Reach, Reading, _Measurement, fit_curve, remove_curves
+from vvvaltr.controller.robot.commissioning.vibration import Peak
+from vvvaltr.controller.robot.hardware import HardwareRobot
 from vvvaltr.controller.robot.robot_file import load_robot_file, robot_file_from
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.process import MockProcess
@@ -359,3 +365,22 @@ def test_a_camera_of_30_hz_measures_and_searches_a_qik_up_to_13_5_hz() -> None:
         "30 poses/s show up to 13.5 Hz: motors are measured and searched up to there; "
         "for 16.5 Hz let the tracker send 37 poses/s"
     )
+
+
+@pytest.mark.parametrize(
+    ("seen_hz", "told"),
+    [
+        ((13.0, 12.0), ""),
+        ((12.0, 13.0), "motor 2 seems to turn faster than 30 poses/s can show"),
+        ((13.0, None), r"motor 2 is seen to shake the robot at one of two commands alone.*calibrate again"),
+    ],
+)
+def test_a_motor_that_is_seen_at_one_command_alone_is_not_said_to_be_too_fast(
+    seen_hz: tuple[float | None, ...], told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks = itertools.cycle(None if hz is None else Peak(hz, 9.0, np.ones(1, complex)) for hz in seen_hz)
+    monkeypatch.setattr(_Measurement, "_look", lambda *_: next(looks))
+    measurement = _Measurement(cast(HardwareRobot, None), 1, 1.0, None)
+
+    with pytest.raises(UserError, match=told) if told else nullcontext():
+        measurement.find(127.0, Reach(30.0))
