@@ -7,9 +7,9 @@ import fcntl
 import glob
 import math
 import os
+import secrets
 import shutil
 import stat
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -110,17 +110,16 @@ def new_folder(path: Path) -> Iterator[Path]:
     """Yield a folder that is called ``path`` once the block is left; what fails leaves nothing. Raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove_leftovers(path)
-    fresh = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
-    handle = -1
+    fresh, handle = path.with_name(f".{path.name}-{secrets.token_hex(4)}"), -1
     try:
+        fresh.mkdir()  # within the block, for an interrupt may come before the next line
         handle = os.open(fresh, os.O_RDONLY)
         fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        fresh.chmod(0o755)
         yield fresh
         fresh.rename(path)
     except BaseException:
         # An interrupt may come when the folder has its name already: whoever asked for it does not get it then.
-        shutil.rmtree(path if _is_same(path, handle) else fresh)
+        shutil.rmtree(path if _is_same(path, handle) else fresh, ignore_errors=True)
         raise
     finally:
         if handle >= 0:

@@ -2,6 +2,7 @@ import errno
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -35,6 +36,24 @@ def test_a_folder_appears_whole(tmp_path: Path) -> None:
 
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["a"]
     assert (tmp_path / "runs" / "a" / "log").read_text() == "all of it"
+
+
+def test_an_interrupt_while_a_new_folder_is_made_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, mkdir = list[Path](), Path.mkdir
+
+    def interrupted(path: Path, *args: Any, **options: Any) -> None:
+        mkdir(path, *args, **options)
+        if path.name.startswith(".a-"):
+            made.append(path)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "mkdir", interrupted)
+    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "a"):
+        pass
+
+    assert made and list(tmp_path.iterdir()) == []
 
 
 def test_what_fails_in_a_new_folder_leaves_nothing_and_takes_no_others_place(tmp_path: Path) -> None:
