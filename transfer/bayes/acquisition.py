@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -18,6 +19,9 @@ NEAR_SD = 0.05
 
 ASCENT_STARTS, ASCENT_STEPS, FIRST_STEP = 6, 9, 0.05
 """Gradient ascent: best places that it starts from, steps that it takes, and length of the first step."""
+
+Draw = Callable[[int, int, np.random.Generator], Array]
+"""Returns so many random places of the unit cube, of so many dimensions."""
 
 LOG_ROOT_2_PI = 0.5 * math.log(2.0 * math.pi)
 
@@ -66,23 +70,23 @@ class LogExpectedImprovement:
     Args:
         posterior: belief about the function.
         incumbent: value to improve upon.
-        noise_variance: noise variance of the trial's observation.
+        noise_variance: returns the noise variance of a trial's observation at places (m, d): (m,), or one for all.
     """
 
     posterior: Posterior
     incumbent: float
-    noise_variance: float
+    noise_variance: Callable[[Array], Array | float]
 
     def value(self, x: Array) -> Array:
         """Return the values (m,) at places (m, d)."""
         mean, variance = self.posterior.predict(x)
-        sd = variance / np.sqrt(variance + self.noise_variance)
+        sd = variance / np.sqrt(variance + self.noise_variance(x))
         return np.asarray(np.log(sd) + log_h((mean - self.incumbent) / sd)[0])
 
     def value_and_gradient(self, x: Array) -> tuple[Array, Array]:
         """Return values (m,) and gradients (m, d) at places (m, d)."""
         mean, variance, mean_gradient, variance_gradient = self.posterior.predict_with_gradient(x)
-        total = variance + self.noise_variance
+        total = variance + self.noise_variance(x)
         sd = variance / np.sqrt(total)
         z = (mean - self.incumbent) / sd
         log_h_z, slope = log_h(z)
@@ -132,7 +136,12 @@ def log_h(z: Array) -> tuple[Array, Array]:
     return log_value, slope
 
 
-def maximise(acquisition: Acquisition, around: Array, rng: np.random.Generator, bounds: int = 0) -> Array:
+def draw_uniformly(count: int, dimension: int, rng: np.random.Generator) -> Array:
+    """Return random places (count, d) of the unit cube."""
+    return rng.random((count, dimension))
+
+
+def maximise(acquisition: Acquisition, around: Array, rng: np.random.Generator, draw: Draw = draw_uniformly) -> Array:
     """Return the place (d,) of the unit cube where an acquisition is greatest, as far as a short search finds it.
 
     The search scans random places, some of them near the places ``around``, and then climbs from the best of them.
@@ -141,25 +150,13 @@ def maximise(acquisition: Acquisition, around: Array, rng: np.random.Generator, 
         acquisition: quantity to maximise.
         around: promising places (k, d), k >= 1. They are candidates themselves, moved into the cube where outside it.
         rng: random stream of the places to scan.
-        bounds: number of the random places that lie on the cube's faces, edges and corners; see ``places_on_bounds``.
+        draw: draws the places over the whole cube, so many of so many dimensions.
     """
     dimension = around.shape[1]
     near = around[rng.integers(len(around), size=NEAR_PLACES)] + rng.normal(0.0, NEAR_SD, (NEAR_PLACES, dimension))
-    candidates = np.clip(np.concatenate([around, near, rng.random((SCAN_PLACES - bounds, dimension))]), 0.0, 1.0)
-    if bounds:
-        candidates = np.concatenate([candidates, places_on_bounds(bounds, dimension, rng)])
+    candidates = np.clip(np.concatenate([around, near, draw(SCAN_PLACES, dimension, rng)]), 0.0, 1.0)
     order = np.argsort(-acquisition.value(candidates), kind="stable")
     return _ascend(acquisition, candidates[order[:ASCENT_STARTS]])
-
-
-def places_on_bounds(count: int, dimension: int, rng: np.random.Generator) -> Array:
-    """Return random places (count, d) on the unit cube's boundary: a third on faces, a third on edges, then corners.
-
-    So many parameters are at a bound, drawn at random: one on a face, all but one on an edge, all in a corner.
-    """
-    x, free = rng.random((count, dimension)), np.resize([dimension - 1, 1, 0], count)
-    at_bound = rng.random((count, dimension)).argsort(axis=1).argsort(axis=1) >= free[:, None]
-    return np.where(at_bound, np.round(x), x)
 
 
 def _ascend(acquisition: Acquisition, x: Array) -> Array:

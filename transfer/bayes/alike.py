@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.transfer.bayes.beating import likeness
 from vvvaltr.transfer.bayes.driven import LEVEL_SD, RISE, RISE_SD, Driven
 from vvvaltr.transfer.bayes.gp import BLOCK_PLACES, BLOCK_ROWS, blocks
 from vvvaltr.transfer.bayes.kernel import matern
@@ -42,6 +43,8 @@ class Alike(Driven):
         squares = (scaled**2).sum(axis=1)[:, None] + (self.x**2).sum(axis=1) - 2.0 * scaled @ self.x.T
         kernel, _ = matern(np.maximum(squares, 0.0, out=squares))
         kernel *= self.hyperparameters.signal_variance
+        if self.drive.can_beat:
+            kernel *= likeness(self.drive.beats(x), self.beats)
         kernel += LEVEL_SD * self.trend[0, :, 1]
         return kernel, self.drive.trend(x, self.dead_zones)
 

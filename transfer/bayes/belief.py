@@ -11,7 +11,9 @@ import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Estimate, GaitSpace
-from vvvaltr.transfer.bayes.acquisition import Posterior
+from vvvaltr.transfer.bayes.acquisition import Draw, Posterior, draw_uniformly
+from vvvaltr.transfer.bayes.beating import shares
+from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.fitting import Prior, fit
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations
@@ -39,11 +41,11 @@ class Belief:
     Args:
         posterior: posterior of the standardised score over the unit cube.
         scale: scale that the scores are standardised by.
-        noise_variance: noise variance of a new trial's standardised score.
+        noise_variance: noise variance of a new trial's standardised score; see ``noise``.
         seen: places (k, d), k >= 1, whose scores the posterior rests on.
         hyperparameters: hyperparameters by name, in natural units, for log and screen.
         fitted: what learning goes on from after the next trial; None where it begins anew.
-        bounds: number of the places that a search for the best place scans which lie on the cube's boundary.
+        drive: drive of the space, where something is expected of it.
     """
 
     posterior: Posterior
@@ -52,7 +54,7 @@ class Belief:
     seen: Array
     hyperparameters: Mapping[str, float]
     fitted: Fitted | None = None
-    bounds: int = 0
+    drive: Drive | None = None
 
     @classmethod
     def of(cls, process: GaussianProcess, scale: Scale, space: GaitSpace, fitted: Fitted | None = None) -> Belief:
@@ -70,7 +72,16 @@ class Belief:
         """
         mean, variance = self.posterior.predict(x)
         doubt = MODEL_DOUBT_TRIALS / len(self.seen) * variance + ROUGHNESS * self.noise_variance
-        return self.scale.estimates(mean, variance, self.noise_variance, doubt)
+        return self.scale.estimates(mean, variance, self.noise(x), doubt)
+
+    def noise(self, x: Array) -> Array | float:
+        """Return the noise variance of a trial's standardised score at places (m, d): (m,), or one for all of them."""
+        return self.noise_variance * (1.0 if self.drive is None else shares(self.drive.beats(x)))
+
+    @property
+    def draw(self) -> Draw:
+        """How random places are drawn to seek the best one among."""
+        return draw_uniformly if self.drive is None else self.drive.draw
 
     def promising(self, count: int = 5) -> Array:
         """Return the places seen (k, d), k <= count, that have the greatest posterior means, the greatest first."""

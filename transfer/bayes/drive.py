@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import GaitSpace, Quantity
+from vvvaltr.transfer.bayes.acquisition import draw_uniformly
+from vvvaltr.transfer.bayes.beating import Flags, beat, move_apart
 
 USUAL_DRIVE, DRIVE_RANGE = 0.4, 3.0
 """The trend is 3 times what the drive exceeds 0.4 by: near 0 on average over gaits, and near 2 at full drive."""
@@ -31,6 +33,7 @@ class Drive:
         amplitudes: positions (f,) of the same motors' amplitudes, the frequency's own where it is not searched; where
             none is, the very array ``frequencies``.
         greatest_hz: the greatest frequency; 0 where none is searched.
+        is_phased: whether phases are searched too. They then decide what gaits do whose motors turn alike, not chance.
     """
 
     low: Array
@@ -38,6 +41,7 @@ class Drive:
     frequencies: NDArray[np.intp]
     amplitudes: NDArray[np.intp]
     greatest_hz: float
+    is_phased: bool
 
     @classmethod
     def of(cls, space: GaitSpace) -> Drive:
@@ -53,7 +57,8 @@ class Drive:
         greatest_hz = float(np.abs([low[frequencies], high[frequencies]]).max()) if searched else 0.0
         unit = np.ones(space.dimension)
         unit[frequencies] = greatest_hz
-        return cls(low / unit, (high - low) / unit, frequencies, amplitudes, greatest_hz)
+        is_phased = any(quantity is Quantity.PHASE for quantity, _ in places)
+        return cls(low / unit, (high - low) / unit, frequencies, amplitudes, greatest_hz, is_phased)
 
     def without_meaning(self) -> Drive:
         """Return the drive of a space in which frequencies are numbers like any other."""
@@ -64,6 +69,36 @@ class Drive:
     def has_meaning(self) -> bool:
         """Whether a gait's drive can differ from another's."""
         return len(self.frequencies) > 0
+
+    @property
+    def can_beat(self) -> bool:
+        """Whether motors can turn so much alike that chance decides what a gait does; see ``beating``."""
+        return len(self.frequencies) > 1 and not self.is_phased
+
+    def beats(self, x: Array) -> Flags:
+        """Return for each of the places (m, d) whether its motors beat, (m,)."""
+        return beat(self._speeds(x)) if self.can_beat else np.zeros(len(x), dtype=np.bool_)
+
+    def draw(self, count: int, dimension: int, rng: np.random.Generator) -> Array:
+        """Return random places (count, d) of the unit cube to seek the best one among.
+
+        The best gait is often in a corner or on an edge, which random places inside do not reach. So two fifths are on
+        the cube's boundary, and of half of these the motors are moved apart where they would beat.
+        """
+        if not self.has_meaning:
+            return draw_uniformly(count, dimension, rng)
+        on_bounds, apart = np.array_split(places_on_bounds(2 * count // 5, dimension, rng), 2)
+        inside = draw_uniformly(count - 2 * count // 5, dimension, rng)
+        return np.concatenate([inside, on_bounds, self.move_apart(apart, rng)])
+
+    def move_apart(self, x: Array, rng: np.random.Generator) -> Array:
+        """Return places (m, d) like the given ones whose motors do not beat."""
+        if not self.can_beat:
+            return x
+        apart, at = x.copy(), self.frequencies
+        u = move_apart(self._speeds(x), rng)
+        apart[:, at] = np.clip((u - self.low[at]) / self.span[at], 0.0, 1.0)
+        return apart
 
     def trend(self, x: Array, dead_zones: Array) -> Array:
         """Return the trend (h, m) at places (m, d) under each of the dead zones (h,); 0 where it has no meaning."""
@@ -88,8 +123,12 @@ class Drive:
     def _beyond(self, x: Array, dead_zones: Array) -> tuple[Array, Array]:
         """Return the frequencies u (m, f), and what of them is beyond each dead zone, e (h, m, f)."""
         zones = dead_zones[:, None, None]
-        u = self.low[self.frequencies] + self.span[self.frequencies] * x[:, self.frequencies]
+        u = self._speeds(x)
         return u, np.maximum(np.abs(u) - zones, 0.0) / (1.0 - zones)
+
+    def _speeds(self, x: Array) -> Array:
+        """Return the frequencies u (m, f)."""
+        return np.asarray(self.low[self.frequencies] + self.span[self.frequencies] * x[:, self.frequencies])
 
     def _amplitude(self, x: Array) -> Array | float:
         """Return the amplitude (m, f) of each motor whose frequency is searched; 1 where it is not searched."""
@@ -97,3 +136,13 @@ class Drive:
             return 1.0
         by = self.amplitudes
         return np.where(by == self.frequencies, 1.0, self.low[by] + self.span[by] * x[:, by])
+
+
+def places_on_bounds(count: int, dimension: int, rng: np.random.Generator) -> Array:
+    """Return random places (count, d) on the unit cube's boundary: a third on faces, a third on edges, then corners.
+
+    So many parameters are at a bound, drawn at random: one on a face, all but one on an edge, all in a corner.
+    """
+    x, free = rng.random((count, dimension)), np.resize([dimension - 1, 1, 0], count)
+    at_bound = rng.random((count, dimension)).argsort(axis=1).argsort(axis=1) >= free[:, None]
+    return np.where(at_bound, np.round(x), x)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.transfer.bayes.beating import Flags, likeness, shares
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.gp import BLOCK_PLACES, BLOCK_ROWS, LARGER, GaussianProcess, blocks
 from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations, matern
@@ -24,12 +25,21 @@ LEVEL_SD = 0.5
 def observe_drive(drive: Drive, trials: Trials, scale: Scale, dead_zone: float) -> Observations:
     """Return trials as observations of what the drive leaves to explain."""
     rise = drive.trend(trials.x, np.array([dead_zone]))[0]
-    return Observations(
-        x=trials.x,
-        y=scale.standardise(trials.scores) - RISE * rise,
-        given=np.zeros(len(trials)),
-        share=trials.shares,
-        trend=np.stack([RISE_SD * rise, np.full(len(trials), LEVEL_SD)], axis=1),
+    bare = couple_beating(drive, trials.observe(scale))
+    return replace(
+        bare, y=bare.y - RISE * rise, trend=np.stack([RISE_SD * rise, np.full(len(trials), LEVEL_SD)], axis=1)
+    )
+
+
+def couple_beating(drive: Drive, observations: Observations) -> Observations:
+    """Return observations of which the gaits that beat have more noise, and are less like those that do not."""
+    if not drive.can_beat:
+        return observations
+    beats = drive.beats(observations.x)
+    return replace(
+        observations,
+        share=observations.share * shares(beats),
+        coupling=observations.coupling * likeness(beats, beats),
     )
 
 
@@ -48,6 +58,7 @@ class Driven:
         chance: probability (h, 1) of each hypothesis.
         dead_zones: dead zone (h,) of each.
         x: places (n, d) of the observations, in length scales.
+        beats: whether the observations' gaits beat, (n,).
         hyperparameters: those of all of them.
         trend: trends (h, n, t) of the observations, the first two those of the function to predict.
         loading: correlation (h, 1, n) of the observations' functions with the one to predict.
@@ -58,6 +69,7 @@ class Driven:
     chance: Array
     dead_zones: Array
     x: Array
+    beats: Flags
     hyperparameters: Hyperparameters
     trend: Array
     loading: Array
@@ -75,6 +87,7 @@ class Driven:
             chance[:, None],
             np.array(dead_zones),
             first.observations.x / first.hyperparameters.length_scale,
+            drive.beats(first.observations.x),
             first.hyperparameters,
             np.array([process.observations.trend for process in processes]),
             np.array([np.broadcast_to(process.observations.loading, process.weights.shape) for process in processes])[
@@ -127,6 +140,10 @@ class Driven:
         trend, scaled = self.drive.trend(x, self.dead_zones), x / self.hyperparameters.length_scale
         squares = (scaled**2).sum(axis=1)[:, None] + (self.x**2).sum(axis=1) - 2.0 * scaled @ self.x.T
         correlation, rise = matern(np.maximum(squares, 0.0, out=squares))
+        if self.drive.can_beat:
+            alike = likeness(self.drive.beats(x), self.beats)
+            correlation *= alike
+            rise *= alike
         kernel = RISE_SD * trend[:, :, None] * self.trend[:, None, :, 0]
         kernel += LEVEL_SD * self.trend[:, None, :, 1]
         kernel += self.hyperparameters.signal_variance * correlation * self.loading

@@ -59,8 +59,8 @@ def maximise_improvement(belief: Belief, rng: np.random.Generator, trials: int) 
         trials: number of trials told.
     """
     incumbent = expected_best(belief, rng, INCUMBENT_PLACES if trials <= EVERY_TRIAL else LATE_INCUMBENT_PLACES)
-    acquisition = LogExpectedImprovement(belief.posterior, incumbent, belief.noise_variance)
-    x = maximise(acquisition, belief.promising(), rng, belief.bounds)
+    acquisition = LogExpectedImprovement(belief.posterior, incumbent, belief.noise)
+    x = maximise(acquisition, belief.promising(), rng, belief.draw)
     improvement = belief.scale.unit(incumbent) * math.exp(acquisition.value(x[None, :])[0])
     return Proposal(x, "expected improvement", improvement)
 

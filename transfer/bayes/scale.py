@@ -63,7 +63,7 @@ class Scale:
         return self.bend * self.spread * float(np.cosh(self.centre + self.spread * standardised))
 
     def estimates(
-        self, mean: Array, variance: Array, noise_variance: float, doubt: Array | float = 0.0
+        self, mean: Array, variance: Array, noise_variance: Array | float, doubt: Array | float = 0.0
     ) -> tuple[Estimate, ...]:
         """Return estimates (m of them) of mean scores, averaged over the noise of a trial, with 95 % intervals.
 
@@ -73,7 +73,7 @@ class Scale:
         Args:
             mean: means (m,) of the standardised values.
             variance: variances (m,) of the standardised values, without noise.
-            noise_variance: noise variance of a standardised score.
+            noise_variance: noise variance of a standardised score, (m,) or one for all.
             doubt: variance (m,) to add for the intervals alone: uncertainty that the variances leave out.
         """
         middle, sd = self.centre + self.spread * mean, self.spread * np.sqrt(variance)

@@ -221,7 +221,7 @@ class Search:
         """Return the place (d,) of the greatest posterior mean."""
         belief = self._told()
         rng = self._stream("recommendation")
-        return maximise(PosteriorMean(belief.posterior), belief.promising(), rng, belief.bounds)
+        return maximise(PosteriorMean(belief.posterior), belief.promising(), rng, belief.draw)
 
     def _told(self) -> Belief:
         if self._belief is None or not len(self._trials):

@@ -11,10 +11,9 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import GaitSpace
-from vvvaltr.transfer.bayes.acquisition import places_on_bounds
 from vvvaltr.transfer.bayes.alike import Alike
 from vvvaltr.transfer.bayes.belief import Belief, refit
-from vvvaltr.transfer.bayes.drive import Drive
+from vvvaltr.transfer.bayes.drive import Drive, places_on_bounds
 from vvvaltr.transfer.bayes.driven import Driven, observe_drive, rise_of
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.initial_design import propose_design
@@ -32,8 +31,8 @@ DEAD_ZONES = (0.0, 0.3, 0.5, 0.6, 0.7)
 MOST_HYPOTHESES, LEAST_CHANCE = 3, 0.03
 """Hypotheses that predict: the most probable ones, and none below this probability. Others cost time, change little."""
 
-PLACES_ON_BOUNDS = 200
-"""Number of the places scanned for the best one that lie on faces, edges and corners of the unit cube."""
+FIRST_PLACES = 200
+"""Number of places on faces, edges and corners of the unit cube that the first gait is sought among."""
 
 DEAD_ZONE = "dead_zone"
 """Name of the most probable dead zone in a fit."""
@@ -65,7 +64,8 @@ def propose_first(drive: Drive, dimension: int, seed: int) -> list[Proposal]:
     """Return the first proposals: a gait of the strongest drive, or without a drive some that are spread out."""
     if not drive.has_meaning:
         return propose_design(INITIAL_TRIALS, dimension, stream(seed, 0, "initial design"))
-    x = places_on_bounds(PLACES_ON_BOUNDS, dimension, stream(seed, 0, "strongest drive"))
+    rng = stream(seed, 0, "strongest drive")
+    x = drive.move_apart(places_on_bounds(FIRST_PLACES, dimension, rng), rng)
     return [Proposal(x[np.argmax(drive.trend(x, np.zeros(1))[0])], "strongest drive")]
 
 
@@ -104,11 +104,6 @@ class Hypotheses:
         """Return the hypotheses whose processes are the first of ``processes``."""
         zones = list_zones(drive)
         return cls(drive, zones, tuple(processes[: len(zones)]))
-
-    @property
-    def places_on_bounds(self) -> int:
-        """How many places on the cube's boundary a search for the best place scans."""
-        return PLACES_ON_BOUNDS if self.drive.has_meaning else 0
 
     def evidence(self) -> Array:
         """Return the log evidence (h,) of each."""
@@ -178,7 +173,7 @@ def believe(space: GaitSpace, scale: Scale, fitted: Conditioned, hypotheses: Hyp
         belief,
         posterior=hypotheses.posterior(),
         hyperparameters=names,
-        bounds=hypotheses.places_on_bounds,
+        drive=hypotheses.drive,
     )
 
 

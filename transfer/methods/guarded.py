@@ -13,7 +13,7 @@ from vvvaltr.controller.core.values import GaitSpace, Source
 from vvvaltr.transfer.bayes.acquisition import Posterior
 from vvvaltr.transfer.bayes.belief import Belief, learn_alone
 from vvvaltr.transfer.bayes.drive import Drive
-from vvvaltr.transfer.bayes.driven import LEVEL_SD, RISE, RISE_SD, Driven, observe_drive
+from vvvaltr.transfer.bayes.driven import LEVEL_SD, RISE, RISE_SD, Driven, couple_beating, observe_drive
 from vvvaltr.transfer.bayes.earlier_run import EarlierRun, learn_sources, propose_best
 from vvvaltr.transfer.bayes.fitting import Prior, fit
 from vvvaltr.transfer.bayes.gp import GaussianProcess
@@ -165,9 +165,7 @@ def learn_with_doubt(
     belief = Belief.of(fitted.process, scale, space, replace(fitted, others=(*alone.processes, *processes)))
     trust = {f"source_{i}_trust": float(weights[source != 0.0].sum()) for i, source in enumerate(correlations.T, 1)}
     names = {**belief.hyperparameters, **trust}
-    return replace(
-        belief, posterior=posterior, seen=fitted.rows.x, hyperparameters=names, bounds=alone.places_on_bounds
-    )
+    return replace(belief, posterior=posterior, seen=fitted.rows.x, hyperparameters=names, drive=drive)
 
 
 def mix(drive: Drive, alone: Hypotheses, coupled: Sequence[GaussianProcess], zone: float, weights: Array) -> Posterior:
@@ -193,7 +191,7 @@ def couple_drive(
     Each task has a coefficient of its own for the trend of the drive, and a mean of its own. So a source teaches only
     what differs from gait to gait of like drive.
     """
-    together = couple(runs, trials, scale, correlations)
+    together = couple_beating(drive, couple(runs, trials, scale, correlations))
     rise = drive.trend(together.x, np.array([dead_zone]))[0]
     task = np.repeat(np.arange(len(runs) + 1), [*(len(run.trials) for run in runs), len(trials)])
     tasks = [len(runs), *range(len(runs))]  # the target's trend first, where ``Driven`` seeks it

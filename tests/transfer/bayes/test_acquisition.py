@@ -45,7 +45,7 @@ def test_without_noise_it_is_the_expected_improvement() -> None:
     mean, variance = posterior.predict(x)
     drawn = mean + np.sqrt(variance) * np.random.default_rng(2).normal(size=(200_000, 4))
     expected = np.maximum(drawn - 0.5, 0.0).mean(axis=0)
-    assert np.exp(LogExpectedImprovement(posterior, 0.5, 0.0).value(x)) == pytest.approx(expected, rel=0.02)
+    assert np.exp(LogExpectedImprovement(posterior, 0.5, lambda _: 0.0).value(x)) == pytest.approx(expected, rel=0.02)
 
 
 def test_with_noise_it_is_the_improvement_that_a_noisy_trial_is_expected_to_show() -> None:
@@ -60,13 +60,13 @@ def test_with_noise_it_is_the_improvement_that_a_noisy_trial_is_expected_to_show
         for y in observed
     ]
     expected = np.maximum(np.array(after) - 0.2, 0.0).mean()
-    assert np.exp(LogExpectedImprovement(posterior, 0.2, 0.3).value(x))[0] == pytest.approx(expected, rel=0.1)
+    assert np.exp(LogExpectedImprovement(posterior, 0.2, lambda _: 0.3).value(x))[0] == pytest.approx(expected, rel=0.1)
 
 
 @pytest.mark.parametrize("incumbent", [0.5, 40.0])
 @pytest.mark.parametrize("noise_variance", [0.0, 0.3])
 def test_the_gradient_equals_finite_differences(incumbent: float, noise_variance: float) -> None:
-    acquisition = LogExpectedImprovement(process(), incumbent, noise_variance)
+    acquisition = LogExpectedImprovement(process(), incumbent, lambda _: noise_variance)
     x = np.random.default_rng(4).random((6, 3))
     value, gradient = acquisition.value_and_gradient(x)
     assert value == pytest.approx(acquisition.value(x))
