@@ -22,10 +22,13 @@ SLOW = 0.3
 """A motor that is slower than this shakes the robot too little to beat with another."""
 
 LIKENESS = 0.65
-"""Correlation of the score of a gait that beats with that of its neighbours that do not."""
+"""Correlation of the score of a gait that beats with that of its neighbours that do not, where it scatters more."""
 
-SCATTER = 6.0
-"""Noise variance of a gait that beats, in units of that of other gaits."""
+USUAL_SCATTER = 6.0
+"""Noise variance that is expected of a gait that beats, in units of that of other gaits."""
+
+DOUBT = 5.0
+"""Log of the odds, at first, that gaits that beat are not like others, whose noise they would have."""
 
 Flags = NDArray[np.bool_]
 
@@ -49,11 +52,6 @@ def move_apart(u: Array, rng: np.random.Generator) -> Array:
     apart = np.empty_like(size)
     np.put_along_axis(apart, order, size, axis=1)
     return np.asarray(np.copysign(apart, u))
-
-
-def shares(beats: Flags) -> Array:
-    """Return the noise variance (m,) of gaits that beat or do not, in units of that of gaits that do not."""
-    return np.where(beats, SCATTER, 1.0)
 
 
 def likeness(beats: Flags, others: Flags) -> Array:

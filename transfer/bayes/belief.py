@@ -12,7 +12,6 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Estimate, GaitSpace
 from vvvaltr.transfer.bayes.acquisition import Draw, Posterior, draw_uniformly
-from vvvaltr.transfer.bayes.beating import shares
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.fitting import Prior, fit
 from vvvaltr.transfer.bayes.gp import GaussianProcess
@@ -76,7 +75,7 @@ class Belief:
 
     def noise(self, x: Array) -> Array | float:
         """Return the noise variance of a trial's standardised score at places (m, d): (m,), or one for all of them."""
-        return self.noise_variance * (1.0 if self.drive is None else shares(self.drive.beats(x)))
+        return self.noise_variance * (1.0 if self.drive is None else self.drive.noise(x))
 
     @property
     def draw(self) -> Draw:

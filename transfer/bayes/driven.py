@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.transfer.bayes.beating import Flags, likeness, shares
+from vvvaltr.transfer.bayes.beating import Flags, likeness
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.gp import BLOCK_PLACES, BLOCK_ROWS, LARGER, GaussianProcess, blocks
 from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations, matern
@@ -33,12 +33,12 @@ def observe_drive(drive: Drive, trials: Trials, scale: Scale, dead_zone: float) 
 
 def couple_beating(drive: Drive, observations: Observations) -> Observations:
     """Return observations of which the gaits that beat have more noise, and are less like those that do not."""
-    if not drive.can_beat:
+    if not drive.tells_beating:
         return observations
     beats = drive.beats(observations.x)
     return replace(
         observations,
-        share=observations.share * shares(beats),
+        share=observations.share * drive.noise(observations.x),
         coupling=observations.coupling * likeness(beats, beats),
     )
 
@@ -140,7 +140,7 @@ class Driven:
         trend, scaled = self.drive.trend(x, self.dead_zones), x / self.hyperparameters.length_scale
         squares = (scaled**2).sum(axis=1)[:, None] + (self.x**2).sum(axis=1) - 2.0 * scaled @ self.x.T
         correlation, rise = matern(np.maximum(squares, 0.0, out=squares))
-        if self.drive.can_beat:
+        if self.drive.tells_beating:
             alike = likeness(self.drive.beats(x), self.beats)
             correlation *= alike
             rise *= alike
