@@ -36,7 +36,7 @@ Flags = NDArray[np.bool_]
 def beat(u: Array) -> Flags:
     """Return for each of some gaits (m,) whether two of its motors beat, from their frequencies (m, f)."""
     size = np.sort(np.abs(u), axis=1)
-    return np.asarray(((np.diff(size, axis=1) < NEAR) & (size[:, :-1] > SLOW)).any(axis=1))
+    return np.asarray(((size[:, 1:] - size[:, :-1] < NEAR) & (size[:, :-1] > SLOW)).any(axis=1))
 
 
 def move_apart(u: Array, rng: np.random.Generator) -> Array:

@@ -19,7 +19,7 @@ from vvvaltr.transfer.bayes.driven import Driven, observe_drive, rise_of
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.initial_design import propose_design
 from vvvaltr.transfer.bayes.proposal import Proposal, begin_with
-from vvvaltr.transfer.bayes.refitting import EVERY_TRIAL, Conditioned, Fitted, follow, goes_on
+from vvvaltr.transfer.bayes.refitting import Conditioned, Fitted, follow, goes_on
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.search import Search
 from vvvaltr.transfer.bayes.trials import Trials
@@ -122,13 +122,12 @@ class Hypotheses:
         return np.asarray(chances / chances.sum())
 
     def posterior(self) -> Driven:
-        """Return the mixture of the most probable ones, and late in a run one that predicts many places at once."""
-        kind = Alike if len(self.processes[0].weights) > EVERY_TRIAL else Driven
+        """Return the mixture of the most probable ones."""
         chances = self.chances()
         kept = np.sort(np.argsort(-chances, kind="stable")[:MOST_HYPOTHESES])
         kept = kept[chances[kept] >= min(LEAST_CHANCE, chances.max())]
         shares = chances[kept] / chances[kept].sum()
-        return kind.of(self.drive, shares, [self.zones[i] for i in kept], [self.processes[i] for i in kept])
+        return Alike.of(self.drive, shares, [self.zones[i] for i in kept], [self.processes[i] for i in kept])
 
     def best(self) -> int:
         """Return the position of the most probable one."""

@@ -14,14 +14,16 @@ from vvvaltr.transfer.methods.drive import Hypotheses, learn_driven
 SPACE = GaitSpace.over(3, -20.0, 20.0)
 
 
-@pytest.fixture(scope="module")
-def hypotheses() -> Hypotheses:
+@pytest.fixture(scope="module", params=[8, 130])
+def hypotheses(request: pytest.FixtureRequest) -> Hypotheses:
     rng, drive = np.random.default_rng(4), Drive.of(SPACE)
-    x = rng.random((130, 3))
-    scores = np.abs(x - 0.5).sum(axis=1) + 0.2 * rng.normal(size=130)
-    fitted = learn_driven(SPACE, drive, Trials(x, scores), None, rng).fitted
-    assert isinstance(fitted, Conditioned)
-    return Hypotheses.of(drive, fitted.others)
+    x = rng.random((request.param, 3))
+    x[:4, 0] = x[:4, 1] = 0.9
+    scores = np.abs(x - 0.5).sum(axis=1) + 0.2 * rng.normal(size=request.param)
+    belief = learn_driven(SPACE, drive, Trials(x, scores), None, rng)
+    assert isinstance(belief.fitted, Conditioned) and belief.drive is not None
+    assert 0.0 < belief.drive.beats(x).mean() < 1.0
+    return Hypotheses.of(belief.drive, belief.fitted.others)
 
 
 @pytest.mark.parametrize("chances", [(0.6, 0.3, 0.1), (0.1, 0.2, 0.7), (1.0,)])
@@ -37,11 +39,3 @@ def test_one_root_predicts_what_the_roots_of_all_hypotheses_do(hypotheses: Hypot
     gradient = one.predict_mean_with_gradient(x[:4])[1]
     step = 1e-6 * np.array([0.0, 1.0, 0.0])
     assert gradient[:, 1] == pytest.approx((one.predict_mean(x[:4] + step) - one.predict_mean(x[:4] - step)) / 2e-6)
-
-
-def test_late_in_a_run_and_not_before_hypotheses_share_a_root(hypotheses: Hypotheses) -> None:
-    rng, drive = np.random.default_rng(6), Drive.of(SPACE)
-    early = learn_driven(SPACE, drive, Trials(rng.random((60, 3)), rng.random(60)), None, rng)
-
-    assert isinstance(hypotheses.posterior(), Alike)
-    assert type(early.posterior) is Driven
