@@ -218,8 +218,10 @@ class Search:
         return any(np.abs(x - skipped).max() < _ALIKE for skipped in self._skipped)
 
     def _best(self) -> Array:
-        """Return the place (d,) of the greatest posterior mean."""
+        """Return the place (d,) of the greatest posterior mean; after one trial its own, as nothing else is known."""
         belief = self._told()
+        if len(belief.seen) == 1:
+            return np.asarray(np.clip(belief.seen[0], 0.0, 1.0))
         rng = self._stream("recommendation")
         return maximise(PosteriorMean(belief.posterior), belief.promising(), rng, belief.draw)
 
