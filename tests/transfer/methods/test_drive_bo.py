@@ -48,6 +48,14 @@ def test_from_the_second_trial_on_gaits_are_chosen_for_the_gain_expected_of_them
     assert optimizer.ask().origin == "expected improvement"
 
 
+def test_after_one_trial_the_best_gait_is_the_one_that_was_tried() -> None:
+    optimizer = DriveBO(SIGNED, 2)
+    tried = search(optimizer, 1)[0]
+    best = optimizer.recommend()
+    assert best.gait.frequency_hz == pytest.approx(tried.frequency_hz)
+    assert best.estimate.mean == pytest.approx(shaken(tried), rel=0.5)
+
+
 def test_the_first_five_gaits_of_a_shaken_robot_are_twice_as_fast_as_those_of_plain_bo() -> None:
     ours, plain = (search(optimizer, 5) for optimizer in (DriveBO(SIGNED, 3), PlainBO(SIGNED, 3)))
     assert sum(map(shaken, ours)) > 2.0 * sum(map(shaken, plain))
