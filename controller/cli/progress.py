@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from vvvaltr.controller.cli.telling import bar, can_repaint, say, say_above, to_whoever_listens
-from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.records import Verdict
 from vvvaltr.controller.core.values import Phase
 
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from vvvaltr.controller.core.records import LoggedTrial
 
 _VERDICTS = {Verdict.DISCARD: "discarded", Verdict.SKIP: "skipped"}
+_VAGUE = 10.0  # an interval that reaches beyond so many times its mean tells no best gait
 
 
 class TrialProgress:
@@ -98,6 +98,6 @@ def _write_speeds(logged: LoggedTrial) -> str:
     if logged.recommendation is None:
         return speed
     it = logged.recommendation.estimate
-    if max(-it.low, it.high) > GREATEST_SPEED_M_S:
+    if max(-it.low, it.high) > _VAGUE * abs(it.mean):
         return f"{speed}, best not known yet"
     return f"{speed}, best {1000.0 * it.mean:.1f} ({round(1000.0 * it.low)} to {round(1000.0 * it.high)})"

@@ -169,14 +169,15 @@ def test_away_from_a_terminal_each_trial_is_one_line(tmp_path: Path, capsys: pyt
     assert main([*LEARN, "--out", str(tmp_path / "run")]) == 0
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("trial")]
     assert [line.split(":")[0] for line in lines] == ["trial 1, 1 of 3", "trial 2, 2 of 3", "trial 3, 3 of 3"]
-    assert re.fullmatch(r"trial 2, 2 of 3: [\d.]+ mm/s, best [\d.]+ \(-?\d+ to \d+\); 0:0\d left", lines[1])
+    best = r"best (not known yet|[\d.]+ \(-?\d+ to \d+\))"
+    assert re.fullmatch(rf"trial 2, 2 of 3: [\d.]+ mm/s, {best}; 0:0\d left", lines[1])
 
 
-def test_an_interval_wider_than_any_speed_is_no_best_gait_yet(
+def test_an_interval_that_reaches_far_beyond_its_mean_is_no_best_gait_yet(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["learn", "--trials", "1", "--seed", "2", "--no-recording", "--out", str(tmp_path / "run")]) == 0
-    assert "trial 1, 1 of 1: 2.3 mm/s, best not known yet\n" in capsys.readouterr().err
+    assert re.search(r"trial 1, 1 of 1: [\d.]+ mm/s, best not known yet\n", capsys.readouterr().err)
 
 
 def test_on_a_terminal_a_bar_within_its_width_tells_best_and_time_left(tmp_path: Path) -> None:
