@@ -70,7 +70,7 @@ class Belief:
         cannot follow from gait to gait, so it is not the scatter of repeats alone.
         """
         mean, variance = self.posterior.predict(x)
-        doubt = MODEL_DOUBT_TRIALS / len(self.seen) * variance + ROUGHNESS * self.noise_variance
+        doubt = MODEL_DOUBT_TRIALS / len(self.seen) * variance + ROUGHNESS * self.noise(x)
         return self.scale.estimates(mean, variance, self.noise(x), doubt)
 
     def noise(self, x: Array) -> Array | float:

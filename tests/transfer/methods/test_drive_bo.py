@@ -179,6 +179,7 @@ def test_hypotheses_that_are_extended_are_those_conditioned_on_all_trials() -> N
     fitted = learn_driven(SIGNED, drive, rows.part(slice(70)), None, rng).fitted
     belief = learn_driven(SIGNED, drive, rows, fitted, rng)
     assert isinstance(belief.fitted, Conditioned) and belief.fitted.is_of(70)  # so it goes on from that fit
-    longer = Hypotheses.of(drive, belief.fitted.others)
-    anew = Hypotheses.condition(drive, belief.fitted, belief.scale, None, math.nan)
+    assert belief.drive is not None
+    longer = Hypotheses.of(belief.drive, belief.fitted.others)
+    anew = Hypotheses.condition(belief.drive, belief.fitted, belief.scale, None, math.nan)
     assert longer.chances() == pytest.approx(anew.chances(), rel=1e-9)
