@@ -43,7 +43,7 @@ class Alike(Driven):
         squares = (scaled**2).sum(axis=1)[:, None] + (self.x**2).sum(axis=1) - 2.0 * scaled @ self.x.T
         kernel, _ = matern(np.maximum(squares, 0.0, out=squares))
         kernel *= self.hyperparameters.signal_variance
-        if self.drive.tells_beating:
+        if self.drive.can_beat:
             kernel *= likeness(self.drive.beats(x), self.beats)
         kernel += LEVEL_SD * self.trend[0, :, 1]
         return kernel, self.drive.trend(x, self.dead_zones)

@@ -22,13 +22,10 @@ SLOW = 0.3
 """A motor that is slower than this shakes the robot too little to beat with another."""
 
 LIKENESS = 0.65
-"""Correlation of the score of a gait that beats with that of its neighbours that do not, where it scatters more."""
+"""Correlation of the score of a gait that beats with that of its neighbours that do not."""
 
-USUAL_SCATTER = 6.0
-"""Noise variance that is expected of a gait that beats, in units of that of other gaits."""
-
-DOUBT = 5.0
-"""Log of the odds, at first, that gaits that beat are not like others, whose noise they would have."""
+SCATTER = 6.0
+"""Noise variance of a gait that beats, in units of that of other gaits."""
 
 Flags = NDArray[np.bool_]
 

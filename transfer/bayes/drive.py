@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import GaitSpace, Quantity
 from vvvaltr.transfer.bayes.acquisition import draw_uniformly
-from vvvaltr.transfer.bayes.beating import USUAL_SCATTER, Flags, beat, move_apart
+from vvvaltr.transfer.bayes.beating import SCATTER, Flags, beat, move_apart
 
 USUAL_DRIVE, DRIVE_RANGE = 0.4, 3.0
 """The trend is 3 times what the drive exceeds 0.4 by: near 0 on average over gaits, and near 2 at full drive."""
@@ -34,8 +34,6 @@ class Drive:
             none is, the very array ``frequencies``.
         greatest_hz: the greatest frequency; 0 where none is searched.
         is_phased: whether phases are searched too. They then decide what gaits do whose motors turn alike, not chance.
-        scatter: noise variance that gaits that beat are supposed to have, in units of that of others. With 1 they are
-            gaits like others.
     """
 
     low: Array
@@ -44,7 +42,6 @@ class Drive:
     amplitudes: NDArray[np.intp]
     greatest_hz: float
     is_phased: bool
-    scatter: float = USUAL_SCATTER
 
     @classmethod
     def of(cls, space: GaitSpace) -> Drive:
@@ -78,18 +75,9 @@ class Drive:
         """Whether motors can turn so much alike that chance decides what a gait does; see ``beating``."""
         return len(self.frequencies) > 1 and not self.is_phased
 
-    @property
-    def tells_beating(self) -> bool:
-        """Whether gaits that beat are supposed to differ from others."""
-        return self.can_beat and self.scatter > 1.0
-
-    def supposing(self, scatter: float) -> Drive:
-        """Return this drive with another scatter of gaits that beat."""
-        return replace(self, scatter=scatter)
-
     def noise(self, x: Array) -> Array:
         """Return the noise variance (m,) of trials at places (m, d), in units of that of gaits that do not beat."""
-        return np.where(self.beats(x), self.scatter, 1.0)
+        return np.where(self.beats(x), SCATTER, 1.0)
 
     def beats(self, x: Array) -> Flags:
         """Return for each of the places (m, d) whether its motors beat, (m,)."""

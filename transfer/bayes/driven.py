@@ -33,7 +33,7 @@ def observe_drive(drive: Drive, trials: Trials, scale: Scale, dead_zone: float) 
 
 def couple_beating(drive: Drive, observations: Observations) -> Observations:
     """Return observations of which the gaits that beat have more noise, and are less like those that do not."""
-    if not drive.tells_beating:
+    if not drive.can_beat:
         return observations
     beats = drive.beats(observations.x)
     return replace(
@@ -140,7 +140,7 @@ class Driven:
         trend, scaled = self.drive.trend(x, self.dead_zones), x / self.hyperparameters.length_scale
         squares = (scaled**2).sum(axis=1)[:, None] + (self.x**2).sum(axis=1) - 2.0 * scaled @ self.x.T
         correlation, rise = matern(np.maximum(squares, 0.0, out=squares))
-        if self.drive.tells_beating:
+        if self.drive.can_beat:
             alike = likeness(self.drive.beats(x), self.beats)
             correlation *= alike
             rise *= alike

@@ -12,7 +12,6 @@ from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.transfer.bayes.alike import Alike
-from vvvaltr.transfer.bayes.beating import DOUBT, USUAL_SCATTER
 from vvvaltr.transfer.bayes.belief import Belief, refit
 from vvvaltr.transfer.bayes.drive import Drive, places_on_bounds
 from vvvaltr.transfer.bayes.driven import Driven, observe_drive, rise_of
@@ -35,8 +34,8 @@ MOST_HYPOTHESES, LEAST_CHANCE = 3, 0.03
 FIRST_PLACES = 200
 """Number of places on faces, edges and corners of the unit cube that the first gait is sought among."""
 
-DEAD_ZONE, BEATING = "dead_zone", "beating_scatter"
-"""Names in a fit: of the most probable dead zone, and of the most probable scatter of gaits that beat."""
+DEAD_ZONE = "dead_zone"
+"""Name of the most probable dead zone in a fit."""
 
 
 class DriveBO(Search):
@@ -144,52 +143,19 @@ def learn_driven(
 ) -> Belief:
     """Return what one or more trials say by themselves, with the drive and dead zone that they bear out."""
     scale = Scale.of(trials.scores)
-    zone, drive = suppose(drive, last)
+    zone = 0.0 if last is None else last.learned[DEAD_ZONE]
     fitted = follow(
         trials,
         last,
         lambda rows: observe_drive(drive, rows, scale, zone),
         partial(refit, trials=len(trials), rng=rng, follows=True),
     )
-    drive, fitted = hear_beating(drive, fitted, scale, zone, last)
     hypotheses = Hypotheses.condition(drive, fitted, scale, last, zone)
     fitted = replace(fitted, others=hypotheses.processes)
     if not goes_on(last, fitted):
         best = hypotheses.best()
-        learned = {DEAD_ZONE: hypotheses.zones[best], BEATING: drive.scatter}
-        fitted = replace(fitted, process=hypotheses.processes[best], learned=learned)
+        fitted = replace(fitted, process=hypotheses.processes[best], learned={DEAD_ZONE: hypotheses.zones[best]})
     return believe(space, scale, fitted, hypotheses)
-
-
-def suppose(drive: Drive, last: Fitted | None) -> tuple[float, Drive]:
-    """Return the dead zone, and the drive with the scatter of gaits that beat, that the last fit found."""
-    if last is None:
-        return 0.0, drive
-    return last.learned[DEAD_ZONE], drive.supposing(last.learned[BEATING])
-
-
-def hear_beating(
-    drive: Drive, fitted: Conditioned, scale: Scale, zone: float, last: Fitted | None
-) -> tuple[Drive, Conditioned]:
-    """Return the drive with the most probable scatter of gaits that beat, and the fit's process under it.
-
-    All that may be are equally probable at first. Where nothing is fitted anew, the last fit's stays.
-    """
-    if not drive.can_beat or goes_on(last, fitted) or (last is not None and last.is_of(fitted.told)):
-        return drive, fitted
-    processes, odds = [fitted.process], [0.0]
-    other = drive.supposing(1.0 if drive.tells_beating else USUAL_SCATTER)
-    observed = observe_drive(other, fitted.rows, scale, zone)
-    for factor in (1.0, drive.scatter / other.scatter):  # where few or most of the gaits beat
-        noise_variance = factor * fitted.hyperparameters.noise_variance
-        processes.append(
-            GaussianProcess.condition(observed, replace(fitted.hyperparameters, noise_variance=noise_variance))
-        )
-        odds.append(DOUBT if other.tells_beating else -DOUBT)
-    best = int(np.argmax([process.log_evidence() for process in processes] + np.array(odds)))
-    process = processes[best]
-    fitted = replace(fitted, process=process, hyperparameters=process.hyperparameters)
-    return other if best else drive, fitted
 
 
 def believe(space: GaitSpace, scale: Scale, fitted: Conditioned, hypotheses: Hypotheses) -> Belief:

@@ -23,7 +23,7 @@ from vvvaltr.transfer.bayes.refitting import EVERY_TRIAL, Conditioned, Fitted, f
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.search import Search
 from vvvaltr.transfer.bayes.trials import Trials
-from vvvaltr.transfer.methods.drive import BEATING, DEAD_ZONE, Hypotheses, hear_beating, learn_driven, suppose
+from vvvaltr.transfer.methods.drive import DEAD_ZONE, Hypotheses, learn_driven
 from vvvaltr.transfer.methods.icm import couple
 from vvvaltr.transfer.methods.method import Method
 from vvvaltr.transfer.methods.optimistic import OPTIMISM_SD, raise_prior_mean
@@ -127,8 +127,7 @@ def believe_target(space: GaitSpace, drive: Drive, trials: Trials, belief: Belie
     """
     if len(trials) > EVERY_TRIAL:
         assert isinstance(belief.fitted, Conditioned)
-        assert belief.drive is not None
-        return replace(belief, posterior=Hypotheses.of(belief.drive, belief.fitted.others).posterior())
+        return replace(belief, posterior=Hypotheses.of(drive, belief.fitted.others).posterior())
     if drive.has_meaning:
         return learn_driven(space, drive, trials, None, rng)
     optimism = OPTIMISM_SD * math.exp(-len(trials) / OPTIMISM_DECAY_TRIALS)
@@ -147,16 +146,13 @@ def learn_with_doubt(
             return GaussianProcess.condition(observations, last.hyperparameters)
         return fit(observations, prior, [prior.mean] if last is None else [prior.mean, last.hyperparameters.logs])
 
-    zone, drive = suppose(drive, last)
+    zone = 0.0 if last is None else last.learned.get(DEAD_ZONE, 0.0)
     fitted = follow(trials, last, lambda rows: observe_drive(drive, rows, scale, zone), find)
-    drive, fitted = hear_beating(drive, fitted, scale, zone, last)
     before = last.others if goes_on(last, fitted) else ()
     alone = Hypotheses.condition(drive, fitted, scale, last, zone)
     if not goes_on(last, fitted):
         zone = alone.zones[alone.best()]
-        fitted = replace(
-            fitted, process=alone.processes[alone.best()], learned={DEAD_ZONE: zone, BEATING: drive.scatter}
-        )
+        fitted = replace(fitted, process=alone.processes[alone.best()], learned={DEAD_ZONE: zone})
     coupled = [couple_drive(drive, runs, fitted.rows, scale, choice, zone) for choice in correlations[1:]]
     processes = follow_hypotheses(fitted, before[len(alone.processes) :], coupled)
     weights = probabilities
