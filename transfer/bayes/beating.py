@@ -24,8 +24,9 @@ SLOW = 0.3
 LIKENESS = 0.65
 """Correlation of the score of a gait that beats with that of its neighbours that do not."""
 
-SCATTER = 6.0
-"""Noise variance of a gait that beats, in units of that of other gaits."""
+SCATTER, GREATEST_SCATTER = 6.0, 18.0
+"""Noise variance of a gait that beats, in units of that of other gaits: while gaits are chosen, and where one's speed
+and interval are told, which rest on a few trials of it."""
 
 Flags = NDArray[np.bool_]
 

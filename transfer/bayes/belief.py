@@ -12,6 +12,7 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Estimate, GaitSpace
 from vvvaltr.transfer.bayes.acquisition import Draw, Posterior, draw_uniformly
+from vvvaltr.transfer.bayes.beating import GREATEST_SCATTER, SCATTER
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.fitting import Prior, fit
 from vvvaltr.transfer.bayes.gp import GaussianProcess
@@ -70,12 +71,16 @@ class Belief:
         cannot follow from gait to gait, so it is not the scatter of repeats alone.
         """
         mean, variance = self.posterior.predict(x)
-        doubt = MODEL_DOUBT_TRIALS / len(self.seen) * variance + ROUGHNESS * self.noise(x)
-        return self.scale.estimates(mean, variance, self.noise(x), doubt)
+        noise = self.noise(x, GREATEST_SCATTER)
+        doubt = MODEL_DOUBT_TRIALS / len(self.seen) * variance + ROUGHNESS * noise
+        return self.scale.estimates(mean, variance, noise, doubt)
 
-    def noise(self, x: Array) -> Array | float:
-        """Return the noise variance of a trial's standardised score at places (m, d): (m,), or one for all of them."""
-        return self.noise_variance * (1.0 if self.drive is None else self.drive.noise(x))
+    def noise(self, x: Array, scatter: float = SCATTER) -> Array | float:
+        """Return the noise variance of a trial's standardised score at places (m, d): (m,), or one for all of them.
+
+        That of gaits that beat is ``scatter`` times that of others.
+        """
+        return self.noise_variance * (1.0 if self.drive is None else self.drive.noise(x, scatter))
 
     @property
     def draw(self) -> Draw:

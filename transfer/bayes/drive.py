@@ -75,9 +75,9 @@ class Drive:
         """Whether motors can turn so much alike that chance decides what a gait does; see ``beating``."""
         return len(self.frequencies) > 1 and not self.is_phased
 
-    def noise(self, x: Array) -> Array:
+    def noise(self, x: Array, scatter: float = SCATTER) -> Array:
         """Return the noise variance (m,) of trials at places (m, d), in units of that of gaits that do not beat."""
-        return np.where(self.beats(x), SCATTER, 1.0)
+        return np.where(self.beats(x), scatter, 1.0)
 
     def beats(self, x: Array) -> Flags:
         """Return for each of the places (m, d) whether its motors beat, (m,)."""
