@@ -12,6 +12,9 @@ from vvvaltr.controller.core.values import Estimate
 ALMOST_LINEAR = 1e4
 """Bend of a linear scale, in mean sizes of its scores."""
 
+REACH = 100.0
+"""Estimates and their intervals end at so many times the bend: what reaches further is not known at all."""
+
 
 @dataclass(frozen=True, slots=True)
 class Scale:
@@ -81,7 +84,8 @@ class Scale:
         means = factor * np.sinh(middle) * np.exp(0.5 * sd**2)
         half = 1.96 * self.spread * np.sqrt(variance + doubt)
         low, high = factor * np.sinh(middle - half), factor * np.sinh(middle + half)
-        return tuple(Estimate(*numbers) for numbers in np.stack([means, low, high], axis=1).tolist())
+        numbers = np.clip(np.stack([means, low, high], axis=1), -REACH * self.bend, REACH * self.bend)
+        return tuple(Estimate(*each) for each in numbers.tolist())
 
 
 def _size(values: Array) -> float:

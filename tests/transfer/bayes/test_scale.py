@@ -44,3 +44,9 @@ def test_any_finite_scores_are_standardised_to_finite_numbers(scores: list[float
     standardised = scale.standardise(np.array(scores))
     assert np.isfinite(standardised).all()
     assert np.abs(standardised).max() <= np.sqrt(len(scores)) + 1e-6
+
+
+def test_an_interval_that_nothing_is_known_of_ends_at_a_hundred_times_the_size_of_the_scores() -> None:
+    scale = Scale.of(np.array([0.01, 0.03]))
+    estimate = scale.estimates(np.zeros(1), np.array([400.0]), 1.0)[0]
+    assert (estimate.low, estimate.high) == (pytest.approx(-2.0), pytest.approx(2.0))
