@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.transfer.bayes.beating import likeness
 from vvvaltr.transfer.bayes.driven import LEVEL_SD, RISE, RISE_SD, Driven
 from vvvaltr.transfer.bayes.gp import BLOCK_PLACES, BLOCK_ROWS, blocks
 from vvvaltr.transfer.bayes.kernel import matern
+from vvvaltr.transfer.causes.beating import likeness
 
 
 @dataclass(frozen=True, slots=True)

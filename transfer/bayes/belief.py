@@ -12,7 +12,6 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Estimate, GaitSpace
 from vvvaltr.transfer.bayes.acquisition import Draw, Posterior, draw_uniformly
-from vvvaltr.transfer.bayes.beating import GREATEST_SCATTER, SCATTER
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.fitting import Prior, fit
 from vvvaltr.transfer.bayes.gp import GaussianProcess
@@ -20,6 +19,7 @@ from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations
 from vvvaltr.transfer.bayes.refitting import Fitted, follow
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.trials import Trials
+from vvvaltr.transfer.causes.beating import GREATEST_SCATTER, SCATTER
 
 MODEL_DOUBT_TRIALS = 15.0
 """Number of trials at which the model's own error is as large as the error it predicts; measured, docs/learning.md."""

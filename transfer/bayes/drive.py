@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import GaitSpace, Quantity
 from vvvaltr.transfer.bayes.acquisition import draw_uniformly
-from vvvaltr.transfer.bayes.beating import SCATTER, Flags, beat, move_apart
+from vvvaltr.transfer.causes.beating import SCATTER, Flags, beat, move_apart
 
 USUAL_DRIVE, DRIVE_RANGE = 0.4, 3.0
 """The trend is 3 times what the drive exceeds 0.4 by: near 0 on average over gaits, and near 2 at full drive."""

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.transfer.bayes.beating import Flags, likeness
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.gp import BLOCK_PLACES, BLOCK_ROWS, LARGER, GaussianProcess, blocks
 from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations, matern
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.trials import Trials
+from vvvaltr.transfer.causes.beating import Flags, likeness
 
 RISE, RISE_SD = 0.5, 0.7
 """Prior of the coefficient of the drive's trend, in standard deviations of the scores: its mean and deviation."""

@@ -4,7 +4,7 @@ The logarithm of a trial's speed is a gait's own value, which is smooth over the
 noise, plus a step at an unknown trial T. All of it is Gaussian, and the step is integrated out exactly for every T; the
 sizes of walk and noise are averaged over a grid by their evidence. Steps up compete with steps down but are neither
 told nor corrected for: a search that finds better gaits looks like one. Trials far below what all others say of their
-gait are left out: a motor stood still.
+gait are left out: a motor stood still. So are gaits that beat, unless most do: chance decides what they do.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from itertools import product
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.transfer.causes.beating import beat
 from vvvaltr.transfer.causes.standing import find_standing
 
 STRETCH = 60
@@ -109,7 +110,7 @@ class StrengthLearner:
 
         It is 0 while the loss is not told.
         """
-        kept = np.flatnonzero(~_stood(places, speeds) & (speeds > 0.0))
+        kept = np.flatnonzero(~_stood(places, speeds) & (speeds > 0.0) & ~_beat(places))
         for _ in range(2):
             if len(kept) < 4:
                 return None
@@ -242,6 +243,13 @@ def _is_no_outlier(y: Array, distance: Array) -> np.ndarray[tuple[int, ...], np.
     covariance = np.exp(-distance / _LENGTH) + 1.0 + np.diag(np.full(len(y), 0.2**2))
     inverse = np.linalg.inv(covariance)
     return np.asarray((inverse @ y) / inverse.diagonal() > _FAR_BELOW)
+
+
+def _beat(places: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Return which gaits beat, each in units of its own fastest motor; none where more of them beat than do not."""
+    fastest = np.abs(places).max(axis=1, keepdims=True)
+    beats = beat(places / np.maximum(fastest, 1e-12))
+    return np.asarray(beats & (2 * beats.sum() <= len(beats)))
 
 
 def _stood(places: Array, speeds: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:

@@ -6,13 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity
-from vvvaltr.transfer.bayes.beating import beat, move_apart
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.driven import Driven, observe_drive
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.kernel import Hyperparameters
 from vvvaltr.transfer.bayes.scale import Scale
 from vvvaltr.transfer.bayes.trials import Trials
+from vvvaltr.transfer.causes.beating import beat, move_apart
 
 SIGNED = GaitSpace.over(3, -16.0, 16.0)
 speeds = st.lists(st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3), min_size=1, max_size=5).map(np.array)

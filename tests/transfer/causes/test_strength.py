@@ -78,3 +78,16 @@ def test_the_strength_of_each_trial_follows_a_loss_in_a_long_run_with_the_same_b
     assert logs.tolist() == anew.tolist()
     assert np.exp(anew[-1] - anew[0]) == pytest.approx(0.5, rel=0.25)
     assert np.exp(anew[19] - anew[0]) == pytest.approx(1.0, rel=0.15)
+
+
+def test_the_luck_of_gaits_that_beat_is_no_loss():
+    random = np.random.default_rng(6)
+    others = random.uniform([0.8, 0.5, 0.1], [1.0, 0.7, 0.3], (20, 3))
+    beating = np.repeat([[1.0, 1.0, 0.2]], 10, axis=0)
+    speeds = [*(0.02 * np.exp(random.normal(0.0, 0.05, 20))), *[0.06] * 5, *[0.025] * 5]
+
+    loss = find_loss(np.concatenate([others, beating]), speeds)
+
+    assert loss is not None and not loss.is_told
+    alone = find_loss(beating, speeds[20:])
+    assert alone is not None and alone.is_told  # where nothing else was driven, these trials are all there is
