@@ -60,11 +60,11 @@ def test_a_trial_leaves_no_more_in_memory_than_is_stated(tmp_path: Path) -> None
     tracemalloc.start()
     try:
         with RunLog.create(tmp_path / "trials.mcap", None) as log:
-            for logged in learn(ScriptedRobot(), Counting(), settings, Budget(24), log.append):
-                if logged.trial.number in (8, 24):
+            for logged in learn(ScriptedRobot(), Counting(), settings, Budget(72), log.append):
+                if logged.trial.number in (8, 72):
                     gc.collect()
                     sizes.append(tracemalloc.get_traced_memory()[0])
     finally:
         tracemalloc.stop()
 
-    assert (sizes[1] - sizes[0]) / 16 < STATED_BYTES
+    assert (sizes[1] - sizes[0]) / 64 < STATED_BYTES
