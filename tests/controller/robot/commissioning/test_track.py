@@ -207,7 +207,7 @@ def test_track_tells_of_every_kind_of_tracker(kind: str, tmp_path: Path, capsys:
     assert data["noise_m"] < 0.002
     assert abs(data["offset_s"]) < 0.1  # the mock's clock is this computer's
     assert 0.0 <= data["jitter_s"] < 0.03
-    assert 0.0 < data["response_s"] < 0.6
+    assert 0.1 < data["response_s"] < 0.95  # its motors start slowly: the body turns visibly after 0.4 to 0.75 s
     assert (data["uncertainty_m"] is None) == (kind == "stream")
     assert data["problems"] == []
 
