@@ -12,8 +12,8 @@ import numpy as np
 from benchmarks.causes.driving import SETTINGS
 from benchmarks.figures import make_parser, print_figures
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import run_trial
 from vvvaltr.twin.presets import TWINS

@@ -23,7 +23,8 @@ import numpy as np
 
 from benchmarks.camera_hidden import occlusions, set_points
 from benchmarks.camera_learning import learning
-from vvvaltr.controller.core.values import Gait, Pose, Vector
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Pose, Vector
 from vvvaltr.drivers.trackers.camera.feed import FLOOR_M, LENS, TAG, mock_view
 from vvvaltr.drivers.trackers.camera.pictures import Looks, Painter, board_picture
 from vvvaltr.drivers.trackers.camera.sight import Sight, Unseen

@@ -14,7 +14,8 @@ from benchmarks.decoder import Decoder
 from benchmarks.strut_decoders import struts_device, struts_host
 from benchmarks.tapes import FrameTape, NodeTape, Tape
 from vvvaltr.controller.core.errors import DeviceError
-from vvvaltr.controller.core.values import Gait, Pose
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Pose
 from vvvaltr.drivers.links.can import CanLink, Frame
 from vvvaltr.drivers.links.link import Link
 from vvvaltr.drivers.mocking.can_adapter import SlcanAdapter, from_text, to_text

@@ -33,8 +33,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vvvaltr.controller.core.gaits import Gait
     from vvvaltr.controller.core.protocols import Robot
-    from vvvaltr.controller.core.values import Gait, Trial
+    from vvvaltr.controller.core.values import Trial
     from vvvaltr.controller.loop.steersman import Steersman
     from vvvaltr.transfer.steering.repertoire import Repertoire
 

@@ -25,8 +25,9 @@ import numpy as np
 
 from benchmarks.observed import ObservedDevice
 from vvvaltr.controller.core.errors import TrackingLost
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.protocols import Clock, MotorDriver, Tracker
-from vvvaltr.controller.core.values import Gait, GaitSpace, Pose, Structure
+from vvvaltr.controller.core.values import Pose, Structure
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
 from vvvaltr.controller.robot.hardware import HardwareRobot, open_hardware
 from vvvaltr.controller.robot.mock import DEVICES
@@ -42,7 +43,7 @@ from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.controller.robot.hardware import open_hardware
 from vvvaltr.controller.core.signals import interrupt_on_signals
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 interrupt_on_signals()
 robot = open_hardware(load_robot_file(Path(sys.argv[1])))
 try:

@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.observed import ObservedDevice
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import Run
-from vvvaltr.controller.core.values import Gait, Suggestion, Trial
+from vvvaltr.controller.core.values import Suggestion, Trial
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.hardware import HardwareRobot, open_hardware

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from vvvaltr.controller.core.arrays import Array
-    from vvvaltr.controller.core.values import GaitSpace
+    from vvvaltr.controller.core.gaits import GaitSpace
 
 TRIALS = 40
 POINTS = 50
@@ -96,7 +96,7 @@ class Ours:
 
     def begin(self, dimension: int, seed: int) -> None:
         """Begin a new run."""
-        from vvvaltr.controller.core.values import GaitSpace
+        from vvvaltr.controller.core.gaits import GaitSpace
         from vvvaltr.transfer.methods.drive import DriveBO
 
         self._space = self.gaits or GaitSpace.over(dimension, 0.0, 1.0)
@@ -239,7 +239,8 @@ def measure_times_ms(peers: dict[str, PeerProcess]) -> dict[str, float]:
 
     from benchmarks.suggest import median_ms
     from benchmarks.surfaces import gait3
-    from vvvaltr.controller.core.values import GaitSpace, Source
+    from vvvaltr.controller.core.gaits import GaitSpace
+    from vvvaltr.controller.core.values import Source
     from vvvaltr.transfer.methods.registry import METHODS, make_optimizer
 
     surface, space, rng = gait3(0), GaitSpace.over(3, 0.0, 1.0), np.random.default_rng(0)

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.figures import make_parser, print_figures
 from benchmarks.surfaces import Surface, gait3, hartmann3, hartmann6
-from vvvaltr.controller.core.values import GaitSpace
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.transfer.methods.plain_bo import PlainBO
 
 TRIALS = 40

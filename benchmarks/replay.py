@@ -29,8 +29,9 @@ import numpy as np
 
 from benchmarks.figures import make_parser
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.protocols import Optimizer
-from vvvaltr.controller.core.values import Gait, GaitSpace, Source
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.methods.registry import METHODS, make_optimizer
 
 SCORE, SPEED = "Displacement_mm", "RPM_"

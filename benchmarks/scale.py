@@ -22,8 +22,9 @@ from unittest.mock import patch
 from benchmarks.figures import make_parser, print_figures
 
 if TYPE_CHECKING:
+    from vvvaltr.controller.core.gaits import GaitSpace
     from vvvaltr.controller.core.protocols import Optimizer
-    from vvvaltr.controller.core.values import GaitSpace, Source, Trial
+    from vvvaltr.controller.core.values import Source, Trial
 
 COUNTED = (50, 200, 500, 1000)
 """Numbers of trials told; a figure is the mean over the last tenth of them, so that new fits are counted."""
@@ -71,7 +72,7 @@ def make_source(space: GaitSpace, rows: int) -> Source:
 
 def measure_learning() -> dict[str, float]:
     """Return the cost of a trial late in a run, and beside a large source."""
-    from vvvaltr.controller.core.values import GaitSpace
+    from vvvaltr.controller.core.gaits import GaitSpace
     from vvvaltr.transfer.methods.registry import make_optimizer
 
     space, figures = GaitSpace.over(3, 0.0, 1.0), {}

@@ -29,8 +29,9 @@ from benchmarks.faults import draw_fault
 from benchmarks.observed import ObservedDevice
 from vvvaltr.controller.core.ask_tell import complete
 from vvvaltr.controller.core.errors import DeviceError, TrackingLost, UserError
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.records import Event, LoggedTrial
-from vvvaltr.controller.core.values import Gait, GaitSpace, Suggestion
+from vvvaltr.controller.core.values import Suggestion
 from vvvaltr.controller.runs.log import read_trials
 from vvvaltr.controller.runs.run import RunDirectory
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from benchmarks.observed import ObservedDevice
 from vvvaltr.controller.core.errors import DeviceError
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.robot.hardware import open_motors
 from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.drivers.held_motors import HeldMotors

@@ -19,9 +19,9 @@ from benchmarks.figures import make_parser, print_figures
 if TYPE_CHECKING:
     import numpy as np
 
+    from vvvaltr.controller.core.gaits import GaitSpace
     from vvvaltr.controller.core.protocols import Optimizer
     from vvvaltr.controller.core.records import Evidence
-    from vvvaltr.controller.core.values import GaitSpace
 
 RUNS = 3
 TIMED = range(46, 56)
@@ -53,9 +53,9 @@ def median_ms(begin: Callable[[int], Optimizer], corrects: bool = False, space: 
     import numpy as np
 
     from benchmarks.surfaces import gait3
+    from vvvaltr.controller.core.gaits import GaitSpace
     from vvvaltr.controller.core.protocols import Listening
     from vvvaltr.controller.core.records import Told
-    from vvvaltr.controller.core.values import GaitSpace
 
     times_ms, space = [], space or GaitSpace.over(3, 0.0, 1.0)
     for seed in range(RUNS):
@@ -83,7 +83,8 @@ def measure() -> dict[str, float]:
     import numpy as np
 
     from benchmarks.surfaces import gait3
-    from vvvaltr.controller.core.values import GaitSpace, Source
+    from vvvaltr.controller.core.gaits import GaitSpace
+    from vvvaltr.controller.core.values import Source
     from vvvaltr.transfer.methods.registry import METHODS, make_optimizer
 
     space, surface, rng = GaitSpace.over(3, 0.0, 1.0), gait3(0), np.random.default_rng(0)

@@ -41,7 +41,7 @@ def times_real_time(engine: Engine, gaits_hz: Sequence[tuple[float, ...]]) -> fl
 
 def _repeats(engine: Engine, frequency_hz: tuple[float, ...]) -> list[list[float]]:
     """Return the time of each call in each repeat, in seconds."""
-    from vvvaltr.controller.core.values import Gait
+    from vvvaltr.controller.core.gaits import Gait
 
     gait, repeats = Gait(frequency_hz), []
     for _ in range(REPEATS):
@@ -123,7 +123,7 @@ def _driven_motions() -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
     from mujoco import MjData, mj_stateSize, mjtState
     from mujoco.rollout import rollout
 
-    from vvvaltr.controller.core.values import Gait
+    from vvvaltr.controller.core.gaits import Gait
     from vvvaltr.twin.bodies import icosahedron6
     from vvvaltr.twin.presets import SPATIAL_PARTS
     from vvvaltr.twin.rotors import Rotors

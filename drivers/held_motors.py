@@ -16,7 +16,8 @@ from contextlib import suppress
 from dataclasses import replace
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from vvvaltr.controller.core.values import Gait, MotorState, Quantity
+from vvvaltr.controller.core.gaits import Gait, Quantity
+from vvvaltr.controller.core.values import MotorState
 from vvvaltr.drivers.motor_line import MotorLine, Patience, Unhurried
 
 _log = logging.getLogger(__name__)

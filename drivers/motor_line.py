@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
-from vvvaltr.controller.core.values import Gait, MotorState, Quantity
+from vvvaltr.controller.core.gaits import Gait, Quantity
+from vvvaltr.controller.core.values import MotorState
 
 WATCHDOG = "watchdog"  # code of the DeviceFault of a device whose watchdog stopped the motors
 LOW_SUPPLY = "supply voltage too low"  # in the message of the DeviceFault of a device whose battery is flat

@@ -7,7 +7,8 @@ from typing import Protocol
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.errors import DeviceFault
-from vvvaltr.controller.core.values import Forces, Gait
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Forces
 from vvvaltr.twin.body import Body
 from vvvaltr.twin.world import World
 

@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from vvvaltr.controller.core.errors import DeviceFault
+from vvvaltr.controller.core.gaits import Gait, Quantity
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait, MotorState, Pose, Quantity, Structure
+from vvvaltr.controller.core.values import MotorState, Pose, Structure
 from vvvaltr.twin.engine import Engine, Start
 from vvvaltr.twin.scatter import USUAL_NOISE, Scatter, TrackerNoise
 from vvvaltr.twin.world import sample_terrain

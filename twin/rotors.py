@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.twin.body import Motor
 
 REACHED_WITHIN_HZ = 1e-6  # within this of its command, a motor counts as having reached it

@@ -21,17 +21,15 @@ if TYPE_CHECKING:  # for type checkers and editors; _ROOMS says the same at run 
         TrackingLost,
         UserError,
     )
+    from vvvaltr.controller.core.gaits import Gait, GaitSpace, Quantity
     from vvvaltr.controller.core.protocols import AskTell, Clock, MotorDriver, Observer, Optimizer, Robot, Tracker
     from vvvaltr.controller.core.records import LoggedTrial, Run
     from vvvaltr.controller.core.signals import interrupt_on_signals
     from vvvaltr.controller.core.values import (
         Estimate,
-        Gait,
-        GaitSpace,
         MotorState,
         Outcome,
         Pose,
-        Quantity,
         Recommendation,
         Source,
         Suggestion,
@@ -45,11 +43,11 @@ if TYPE_CHECKING:  # for type checkers and editors; _ROOMS says the same at run 
 
 _ROOMS = {
     "controller.core.errors": "DeviceError DeviceFault DeviceTimeout LinkLost SafetyStop TrackingLost UserError",
+    "controller.core.gaits": "Gait GaitSpace Quantity",
     "controller.core.protocols": "AskTell Clock MotorDriver Observer Optimizer Robot Tracker",
     "controller.core.records": "LoggedTrial Run",
     "controller.core.signals": "interrupt_on_signals",
-    "controller.core.values": "Estimate Gait GaitSpace MotorState Outcome Pose Quantity Recommendation Source "
-    "Suggestion Trial",
+    "controller.core.values": "Estimate MotorState Outcome Pose Recommendation Source Suggestion Trial",
     "controller.loop.safety": "Arena GuardedRobot Limits",
     "controller.loop.trial_runner": "TrialCrashed TrialSettings run_trial",
     "library": "OpenRobot learn open_robot read_run read_source",

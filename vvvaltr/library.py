@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, Self
 
 from vvvaltr.controller.core.errors import UserError, one_line_errors
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.protocols import AskTell, Observer, Robot
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import GaitSpace, Source
+from vvvaltr.controller.core.values import Source
 from vvvaltr.controller.loop import learn as loop
 from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits

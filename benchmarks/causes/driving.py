@@ -8,8 +8,8 @@ from functools import cache
 
 import numpy as np
 
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.twin.presets import TWINS

@@ -17,9 +17,9 @@ import numpy as np
 from benchmarks.causes.driving import SETTINGS
 from benchmarks.causes.rows import Row, Rows
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import Piece
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.loop.trial_runner import run_trial
 from vvvaltr.transfer.causes.floor import SURE, DriftLearner
 from vvvaltr.transfer.causes.pieces import cut, weigh

@@ -18,9 +18,9 @@ from scipy.stats import spearmanr
 from benchmarks.causes.driving import SETTINGS, drive_level, known_gaits
 from benchmarks.causes.rows import Row, Rows
 from vvvaltr.controller.core.ask_tell import tell_history
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Gait, GaitSpace
 from vvvaltr.controller.loop.causes import find_loss_in
 from vvvaltr.controller.loop.learn import learn
 from vvvaltr.controller.loop.plan import Budget

@@ -11,8 +11,9 @@ import numpy as np
 
 from benchmarks.causes.driving import SETTINGS
 from benchmarks.causes.rows import Row, Rows
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait, Pose, Trial
+from vvvaltr.controller.core.values import Pose, Trial
 from vvvaltr.controller.loop.trial_runner import run_trial
 from vvvaltr.transfer.causes.turning import find_turning
 from vvvaltr.twin.presets import TWINS

@@ -19,8 +19,8 @@ from vvvaltr.controller.cli.telling import bar, say
 from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
+    from vvvaltr.controller.core.gaits import Gait
     from vvvaltr.controller.core.records import LoggedTrial
-    from vvvaltr.controller.core.values import Gait
     from vvvaltr.controller.robot.choice import RobotChoice
     from vvvaltr.controller.robot.opening import Rig
     from vvvaltr.controller.studies.floor import TurnedTwin
@@ -57,7 +57,7 @@ def _execute(arguments: Namespace) -> Answer:
 
 def _drive(arguments: Namespace) -> list[LoggedTrial]:
     from vvvaltr.controller.core.errors import one_line_errors
-    from vvvaltr.controller.core.values import Gait
+    from vvvaltr.controller.core.gaits import Gait
     from vvvaltr.controller.robot.opening import choose_robot, open_rig
     from vvvaltr.controller.studies.floor import open_turned_twin
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
 if TYPE_CHECKING:
-    from vvvaltr.controller.core.values import Gait
+    from vvvaltr.controller.core.gaits import Gait
 
 _NUMBERS = re.compile(r"-?[\d.][-\d.,e]*")
 
@@ -32,7 +32,7 @@ def read_gait(text: str) -> Gait:
         NotUnderstood: the frequencies are not numbers.
         UserError: there is no such run, or it recommends nothing.
     """
-    from vvvaltr.controller.core.values import Gait
+    from vvvaltr.controller.core.gaits import Gait
     from vvvaltr.controller.runs.log import LOG_NAME, read_run
 
     if is_gait(text):

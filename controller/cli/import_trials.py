@@ -118,8 +118,9 @@ _Measure: TypeAlias = "Callable[[ForeignTable, Row, str], Iterator[_Measured]]"
 
 
 def _trials(arguments: Namespace) -> Iterator[LoggedTrial]:
+    from vvvaltr.controller.core.gaits import Gait
     from vvvaltr.controller.core.records import LoggedTrial
-    from vvvaltr.controller.core.values import Gait, Outcome, Suggestion, Trial
+    from vvvaltr.controller.core.values import Outcome, Suggestion, Trial
     from vvvaltr.controller.runs.foreign_table import read_foreign_table
 
     hz = _HZ[arguments.unit]

@@ -109,7 +109,7 @@ def _reason(error: OSError) -> str:
 
 def _survey(arguments: Namespace) -> Any:
     from vvvaltr.controller.core.errors import one_line_errors
-    from vvvaltr.controller.core.values import Gait
+    from vvvaltr.controller.core.gaits import Gait
     from vvvaltr.controller.robot.opening import choose_robot, open_rig
     from vvvaltr.controller.studies.landscape import Survey
 

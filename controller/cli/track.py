@@ -86,7 +86,7 @@ def _watch(tracker: Tracker, arguments: Namespace) -> Sight:
 
 
 def _measure_response(robot: RobotFile, arguments: Namespace) -> float:
-    from vvvaltr.controller.core.values import Gait
+    from vvvaltr.controller.core.gaits import Gait
     from vvvaltr.controller.robot.commissioning.track import response_s
     from vvvaltr.controller.robot.hardware import open_hardware
 

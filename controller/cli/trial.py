@@ -21,8 +21,8 @@ from vvvaltr.controller.cli.options import (
 from vvvaltr.controller.cli.telling import bar
 
 if TYPE_CHECKING:
+    from vvvaltr.controller.core.gaits import Gait, Quantity
     from vvvaltr.controller.core.records import LoggedTrial
-    from vvvaltr.controller.core.values import Gait, Quantity
     from vvvaltr.controller.robot.opening import Rig
 
 
@@ -51,7 +51,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
 
 def _execute(arguments: Namespace) -> Answer:
     from vvvaltr.controller.core.errors import one_line_errors
-    from vvvaltr.controller.core.values import Gait
+    from vvvaltr.controller.core.gaits import Gait
     from vvvaltr.controller.robot.opening import choose_robot, open_rig
 
     choice = choose_robot(asked_robot(arguments))
@@ -103,7 +103,7 @@ def _trials(rig: Rig, gait: Gait, arguments: Namespace) -> list[LoggedTrial]:
 
 def _check_quantities(gait: Gait, able: Set[Quantity], name: str) -> None:
     """Raise ValueError for a phase or an amplitude that the motors cannot set."""
-    from vvvaltr.controller.core.values import Quantity
+    from vvvaltr.controller.core.gaits import Quantity
 
     given = {Quantity.PHASE: any(gait.phase_rad), Quantity.AMPLITUDE: any(share != 1.0 for share in gait.amplitude)}
     for quantity, is_given in given.items():

@@ -9,9 +9,10 @@ from statistics import fmean
 from typing import TYPE_CHECKING
 
 from vvvaltr.controller.core.errors import NothingToRecommend
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import AskTell, Fitting, Listening, Optimizer
 from vvvaltr.controller.core.records import Evidence, Fit, LoggedTrial, Told
-from vvvaltr.controller.core.values import Estimate, Gait, Recommendation, Suggestion
+from vvvaltr.controller.core.values import Estimate, Recommendation, Suggestion
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.arrays import Array

@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
+from vvvaltr.controller.core.gaits import Gait, Quantity
 from vvvaltr.controller.core.records import Event, Fit, LoggedTrial, Told
 from vvvaltr.controller.core.values import (
     Estimate,
-    Gait,
     MotorState,
     Photo,
     Pose,
-    Quantity,
     Recommendation,
     Structure,
     Suggestion,

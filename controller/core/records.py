@@ -13,9 +13,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from vvvaltr.controller.core.conditions import Conditions, check_finite, check_speed
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.table import make_table
-from vvvaltr.controller.core.values import Gait, Recommendation, Source, Structure, Suggestion, Trial
+from vvvaltr.controller.core.values import Recommendation, Source, Structure, Suggestion, Trial
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from vvvaltr.controller.core.values import Estimate, Gait
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Estimate
 
 if TYPE_CHECKING:
     import numpy as np

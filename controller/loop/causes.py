@@ -9,8 +9,9 @@ from functools import lru_cache
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import LoggedTrial, Review, Verdict
-from vvvaltr.controller.core.values import Gait, Outcome, Phase, Trial
+from vvvaltr.controller.core.values import Outcome, Phase, Trial
 from vvvaltr.transfer.causes.floor import Drift, learn_drift
 from vvvaltr.transfer.causes.pieces import weigh
 from vvvaltr.transfer.causes.standing import Standing, describe_standing, is_far_below

@@ -17,9 +17,10 @@ from itertools import count
 import numpy as np
 
 from vvvaltr.controller.core.errors import SafetyStop
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Gait, Outcome, Pose, Structure, Suggestion
+from vvvaltr.controller.core.values import Outcome, Pose, Structure, Suggestion
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.steersman import PrimitiveSettings, primitive_settings

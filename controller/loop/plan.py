@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 from vvvaltr.controller.core.ask_tell import last_fit, tell_history, tell_trial
 from vvvaltr.controller.core.errors import NothingToRecommend
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Optimizer, Skipping
 from vvvaltr.controller.core.records import LoggedTrial, Review, Verdict
-from vvvaltr.controller.core.values import Gait, Outcome, Phase, Recommendation, Suggestion, Trial
+from vvvaltr.controller.core.values import Outcome, Phase, Recommendation, Suggestion, Trial
 from vvvaltr.controller.loop.attendance import Remarks
 from vvvaltr.controller.loop.causes import asked_again, review_speed, since_reference, to_repeat
 from vvvaltr.controller.loop.movement import complete_record

@@ -7,25 +7,29 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import Pose
-from vvvaltr.controller.loop.at_rest import MEDIAN_TO_MEAN, average_at_rest, standard_error, unwrap
+from vvvaltr.controller.loop.at_rest import (
+    DEGREES,
+    SHOW,
+    UNSEEN,
+    average_at_rest,
+    check_repeats,
+    check_yaws,
+    is_same_place,
+    most_central,
+)
 
 _WINDOW_S = 1.0  # in which the share of dropped poses is judged
 _LARGEST_SHARE = 0.4
 _FEWEST_DROPPED = 4  # one outlier among few poses is still one outlier
 _FEWEST_FROZEN = 5  # poses with new time stamps at one place
-_MOST_REPEATS = 2  # of the poses at rest, all of which would differ if the tracker saw the robot
-_FROZEN_M = 1e-7  # what a place may differ by that was sent again: the last digits of single precision
 _FAR_M, _HIGH_M = 50.0, 2.0  # from the origin of the tracker's frame, and above its floor: 2 cm in centimetres
 _CM_HIGH_M = 20.0  # what is higher is more likely millimetres
 _FULL_TURN_RAD = 6.5  # 2 pi and a little: no heading, pitch or roll is written with more
 _STEEP_RAD = 1.0  # of pitch: the yaw of a robot that stands on end may be any
 _TURN_RAD, _TURN_RAD_S = 0.5, 4.0  # from one pose to the next, and over a gap; the twins reach 0.2 and 1.3
-_YAW_SCATTER_RAD = 0.04  # at rest, as a standard deviation: five times that of a tag in a blurred picture
 _LARGEST_SHARE_AT_REST = 0.25
 _BODY_LENGTH_M = 0.15  # of the published robots
 _LENGTHS_PER_TURN = 0.1  # ten times what the fastest known gait does
@@ -103,7 +107,7 @@ class PoseFilter:
         possible = [pose for pose, problem in zip(poses, problems, strict=True) if not problem]
         if not possible:
             raise TrackingLost(f"no pose of the robot at rest is plausible: {problems[-1]}")
-        middle_m = _most_central(possible).position_m
+        middle_m = most_central(possible).position_m
         near = [pose for pose in possible if math.dist(pose.position_m, middle_m) <= self._limits.shake_m]
         dropped = len(poses) - len(near)
         self.dropped += dropped
@@ -111,7 +115,7 @@ class PoseFilter:
             farthest_m = max(math.dist(pose.position_m, middle_m) for pose in possible)
             problem = next(filter(None, problems), f"they are up to {farthest_m:.3g} m apart; {_TWO_BODIES}")
             raise TrackingLost(f"{dropped} of {len(poses)} poses of the robot at rest are implausible: {problem}")
-        _check_yaws(near)
+        check_yaws(near)
         self._at_start = near
         return average_at_rest(near)
 
@@ -122,11 +126,11 @@ class PoseFilter:
             TrackingLost: the tracker has hung since before, or the yaw at rest is not in radians.
         """
         if math.isfinite(self._limits.frozen_s):
-            _check_repeats(self._at_start, poses)
-        fresh = [pose for pose in poses if not driven or not _is_same_place(pose, driven[-1])]
+            check_repeats(self._at_start, poses)
+        fresh = [pose for pose in poses if not driven or not is_same_place(pose, driven[-1])]
         if not fresh and self._has_frozen:
-            raise TrackingLost(f"the tracker has repeated one position to the last digit since the drive: {_UNSEEN}")
-        _check_yaws(self._at_start, fresh or poses)
+            raise TrackingLost(f"the tracker has repeated one position to the last digit since the drive: {UNSEEN}")
+        check_yaws(self._at_start, fresh or poses)
         return average_at_rest(fresh or poses)
 
     def begin_at(self, rest: RestingPose, t_s: float) -> None:
@@ -152,7 +156,7 @@ class PoseFilter:
     def _is_repeat(self, pose: Pose, motors_turn: bool) -> bool:
         """Return whether nothing in ``pose`` is new. Raises TrackingLost when its time alone is, for too long."""
         last = self._last
-        if last is None or not _is_same_place(pose, last):
+        if last is None or not is_same_place(pose, last):
             self._frozen, self._frozen_since_s, self._has_frozen = 0, pose.t_s, False
             return False
         if pose.t_s == last.t_s:
@@ -165,7 +169,7 @@ class PoseFilter:
         if self._frozen >= _FEWEST_FROZEN and frozen_s > self._limits.frozen_s:
             raise TrackingLost(
                 f"the tracker has repeated one position to the last digit for {frozen_s:.2f} s while motors turn: "
-                f"{_UNSEEN}"
+                f"{UNSEEN}"
             )
         return False
 
@@ -185,7 +189,7 @@ class PoseFilter:
     def _jump_problem(self, pose: Pose, last: Pose, motors_turn: bool) -> str:
         """Return why the robot cannot have come from ``last`` to ``pose``; empty if it can."""
         if not any(_place(last)) and pose.position_m[2]:
-            return f"the poses were zero to the last digit before: the tracker did not see the robot; {_SHOW}"
+            return f"the poses were zero to the last digit before: the tracker did not see the robot; {SHOW}"
         if (stray := self._stray) is not None and stray.apart(pose, stray.pose) < stray.apart(pose, last):
             problem, apart = stray.problem, stray.apart
         else:
@@ -207,7 +211,7 @@ class PoseFilter:
         if turned_rad > (allowed_rad := _TURN_RAD + _TURN_RAD_S * gap_s):
             return (
                 f"the yaw jumped by {turned_rad:.2g} rad in {gap_s:.2f} s, where {allowed_rad:.2g} rad is plausible; "
-                f"{_DEGREES}"
+                f"{DEGREES}"
             ), _turn_rad
         return "", _distance_m
 
@@ -226,22 +230,19 @@ class PoseFilter:
             raise TrackingLost(f"{dropped} of the last {len(self._seen)} poses are implausible: {problem}")
 
 
-_SHOW = "show the robot to the tracker"
-_UNSEEN = f"it does not see the robot any more; {_SHOW}"
 _TWO_BODIES = "let the tracker see one body alone, the robot"
-_DEGREES = 'if it is degrees, set yaw_unit = "deg"'
 
 
 def _absolute_problem(pose: Pose) -> str:
     """Return why no robot can have this pose, wherever it was before; empty if one can."""
     if not pose.is_finite:
-        return f"the pose is not a number; {_SHOW}"
+        return f"the pose is not a number; {SHOW}"
     x_m, y_m, z_m = pose.position_m
     if max(map(abs, pose.position_m)) > _FAR_M or abs(z_m) > _HIGH_M:
         return f"the position ({x_m:.3g}, {y_m:.3g}, {z_m:.3g}) m is outside any laboratory; {_unit_cure(z_m)}"
     for name, angle_rad in (("yaw", pose.yaw_rad), ("pitch", pose.pitch_rad), ("roll", pose.roll_rad)):
         if abs(angle_rad) > _FULL_TURN_RAD:
-            return f"{name} is {angle_rad:.1f} rad, more than a full turn; {_DEGREES}"
+            return f"{name} is {angle_rad:.1f} rad, more than a full turn; {DEGREES}"
     return ""
 
 
@@ -254,41 +255,8 @@ def _unit_cure(z_m: float) -> str:
 def _origin_problem(pose: Pose, others: Sequence[Pose]) -> str:
     """Return why a pose of zeros alone, among others that are not, or another one after it, is not the robot's."""
     if not any(_place(pose)) and any(any(_place(other)) for other in others):
-        return f"the pose is zero to the last digit, as trackers report a body that they do not see; {_SHOW}"
+        return f"the pose is zero to the last digit, as trackers report a body that they do not see; {SHOW}"
     return ""
-
-
-def _check_repeats(start: Sequence[Pose], end: Sequence[Pose]) -> None:
-    """Raise TrackingLost if the tracker repeats one position at rest before the drive or after it, but not both times.
-
-    A tracker that rounds may tell one position of a robot at rest again and again. One whose numbers always differ does
-    so only of a robot that it does not see, and that may have lain elsewhere.
-    """
-    for rest, other, when in ((start, end, "before"), (end, start, "after")):
-        if _repeats(rest) and _never_repeats(other):
-            raise TrackingLost(f"the tracker has repeated one position to the last digit {when} the drive: {_UNSEEN}")
-
-
-def _repeats(poses: Sequence[Pose]) -> bool:
-    """Return whether poses of several times show one position: more than two of them, or all."""
-    times = len({pose.t_s for pose in poses})
-    most = max((len({it.t_s for it in poses if _is_same_place(it, pose)}) for pose in poses), default=0)
-    return most > 1 and most >= min(times, _MOST_REPEATS + 1)
-
-
-def _never_repeats(poses: Sequence[Pose]) -> bool:
-    """Return whether no coordinate along the ground comes twice among poses of several times."""
-    seen = {pose.t_s: pose.position_m for pose in poses}.values()
-    return len(seen) > 1 and all(len({place_m[axis] for place_m in seen}) == len(seen) for axis in (0, 1))
-
-
-def _check_yaws(*rests: Sequence[Pose]) -> None:
-    """Raise TrackingLost if the yaw of a robot at rest, once or several times, scatters as only another unit can."""
-    yaws_rad = [unwrap([pose.yaw_rad for pose in rest]) for rest in rests if rest]
-    apart_rad = [yaw_rad - float(np.median(rest_rad)) for rest_rad in yaws_rad for yaw_rad in rest_rad]
-    scatter_rad = (standard_error(apart_rad) or 0.0) * math.sqrt(len(apart_rad)) / MEDIAN_TO_MEAN
-    if scatter_rad > _YAW_SCATTER_RAD:
-        raise TrackingLost(f"the yaw of the robot at rest scatters by {scatter_rad:.2f} rad; {_DEGREES}")
 
 
 def _distance_m(pose: Pose, other: Pose) -> float:
@@ -303,15 +271,5 @@ def _turn_rad(pose: Pose, other: Pose) -> float:
     return abs(math.remainder(pose.yaw_rad - other.yaw_rad, math.tau))
 
 
-def _most_central(poses: Sequence[Pose]) -> Pose:
-    """Return the pose that is nearest to the others by the median: of two bodies one, never a place between them."""
-    return min(poses, key=lambda pose: float(np.median([math.dist(pose.position_m, it.position_m) for it in poses])))
-
-
 def _place(pose: Pose) -> tuple[float, ...]:
     return (*pose.position_m, pose.yaw_rad, pose.pitch_rad, pose.roll_rad)
-
-
-def _is_same_place(pose: Pose, other: Pose) -> bool:
-    """Whether two positions are one, whatever the angles: they may come from a gyroscope while nothing is seen."""
-    return all(abs(x_m - other_m) <= _FROZEN_M for x_m, other_m in zip(pose.position_m, other.position_m, strict=True))

@@ -8,8 +8,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from vvvaltr.controller.core.errors import DeviceError, SafetyStop
+from vvvaltr.controller.core.gaits import Gait, Quantity
 from vvvaltr.controller.core.protocols import Clock, MotorDriver, Parkable, Robot, Tracker
-from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Pose, Quantity, Structure
+from vvvaltr.controller.core.values import MotorState, Outcome, Pose, Structure
 
 _RUNAWAY = 1.25  # applied over allowed frequency, above which a motor has run away
 _SOON_S = 0.7  # a trial that ends earlier has measured only the tracker's noise

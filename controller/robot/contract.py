@@ -20,8 +20,9 @@ from typing import Any
 
 import pytest
 
+from vvvaltr.controller.core.gaits import Gait, Quantity
 from vvvaltr.controller.core.protocols import Robot
-from vvvaltr.controller.core.values import Gait, Outcome, Quantity
+from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
 from vvvaltr.drivers.mocking.process import MockProcess

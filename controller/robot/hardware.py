@@ -11,7 +11,8 @@ from functools import partial
 
 from vvvaltr.controller.core.clock import WallClock
 from vvvaltr.controller.core.errors import DeviceError, TrackingLost
-from vvvaltr.controller.core.values import Gait, MotorState, Pose, Quantity, Structure
+from vvvaltr.controller.core.gaits import Gait, Quantity
+from vvvaltr.controller.core.values import MotorState, Pose, Structure
 from vvvaltr.controller.robot.robot_file import RobotFile
 from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.registry import open_line

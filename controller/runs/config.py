@@ -13,8 +13,8 @@ import tomli_w
 from vvvaltr.controller.core.disk import read_text, write_whole
 from vvvaltr.controller.core.document import parse_toml, typed
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.gaits import Quantity
 from vvvaltr.controller.core.spelling import did_you_mean
-from vvvaltr.controller.core.values import Quantity
 from vvvaltr.controller.loop.scoring import SCORES
 from vvvaltr.controller.robot.choice import RobotChoice, option
 from vvvaltr.controller.runs.trust import choose_resumed_robot, seal

@@ -25,7 +25,15 @@ from vvvaltr import __version__
 from vvvaltr.controller.core.disk import open_plain, replacing, sync_folder
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import Command, MotorState, Photo, Pose, Source, Structure, Trial
+from vvvaltr.controller.core.values import (
+    Command,
+    MotorState,
+    Photo,
+    Pose,
+    Source,
+    Structure,
+    Trial,
+)
 from vvvaltr.controller.runs.contents import FORMAT, Contents, nanoseconds
 from vvvaltr.controller.runs.schema import codec, drawing
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb

@@ -11,7 +11,8 @@ import numpy as np
 
 from vvvaltr.controller.core.disk import read_bytes
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.core.values import Gait, Trial
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Trial
 from vvvaltr.transfer.steering.repertoire import LearnedMovement, Repertoire, learn_repertoire
 
 SOURCE_NAME = "source.json"

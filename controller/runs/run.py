@@ -13,9 +13,10 @@ import msgspec
 
 from vvvaltr.controller.core.disk import new_folder, write_whole
 from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
+from vvvaltr.controller.core.gaits import Gait, GaitSpace, Quantity
 from vvvaltr.controller.core.protocols import Observer, Optimizer, Robot
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
-from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity, Source
+from vvvaltr.controller.core.values import Source
 from vvvaltr.controller.loop.learn import learn, make_source
 from vvvaltr.controller.loop.memory import Memory
 from vvvaltr.controller.loop.plan import Budget

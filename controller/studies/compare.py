@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait, Outcome, Phase, Suggestion
+from vvvaltr.controller.core.values import Outcome, Phase, Suggestion
 from vvvaltr.controller.loop.causes import fault_standing_motor
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.scoring import score

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from vvvaltr.controller.core.errors import UserError, one_line_errors
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Gait, Outcome, Phase, Suggestion
+from vvvaltr.controller.core.values import Outcome, Phase, Suggestion
 from vvvaltr.controller.loop.causes import fault_standing_motor, find_drift_in, have_turned
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits

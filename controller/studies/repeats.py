@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Estimate, Gait, Outcome, Phase, Suggestion
+from vvvaltr.controller.core.values import Estimate, Outcome, Phase, Suggestion
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial

@@ -12,9 +12,10 @@ import msgspec
 import numpy as np
 
 from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait, Outcome, Suggestion
+from vvvaltr.controller.core.values import Outcome, Suggestion
 from vvvaltr.controller.loop.movement import NO_HEADING, complete_record, lacks_heading
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, run_trial

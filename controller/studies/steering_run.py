@@ -12,8 +12,9 @@ from typing import Any, Self
 from vvvaltr import __version__
 from vvvaltr.controller.core.disk import new_folder, write_whole
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.gaits import Quantity
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import Quantity, Trial
+from vvvaltr.controller.core.values import Trial
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.choice import RobotChoice

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.robot.choice import option
 from vvvaltr.controller.runs.config import RunConfig
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.controller.view.chart import CHART_X, CHART_Y
 from vvvaltr.controller.view.scene_robot import find_path_m, list_drawable
 from vvvaltr.controller.view.speed_maps import MAP_X, MAP_Y, Pair, list_pairs, map_path

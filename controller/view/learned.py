@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from vvvaltr.controller.core.gaits import Gait, GaitSpace, Parameter, Quantity
 from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.records import Run
-from vvvaltr.controller.core.values import Gait, GaitSpace, Parameter, Quantity
 from vvvaltr.controller.runs.config import CONFIG_NAME, RunConfig, load_config
 from vvvaltr.controller.runs.log import LOG_NAME
 from vvvaltr.controller.runs.run import build_optimizer, make_search_space

@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING
 
 from vvvaltr.controller.core.disk import write_whole
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
-from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.controller.view.canvas import Canvas, drawable
 from vvvaltr.controller.view.layout import lay_out, lay_out_side_by_side
 from vvvaltr.controller.view.scene import Scene

@@ -12,10 +12,11 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.ask_tell import tell_history
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace
+from vvvaltr.controller.core.values import Estimate
 from vvvaltr.controller.runs.config import RunConfig
 from vvvaltr.controller.runs.log import read_run
 from vvvaltr.controller.view.learned import reopen_config, reopen_learner, span

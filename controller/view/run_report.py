@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from vvvaltr import __version__
 from vvvaltr.controller.core.disk import write_whole
-from vvvaltr.controller.core.values import Estimate, Gait
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Estimate
 from vvvaltr.controller.view import run_figures as figures
 from vvvaltr.controller.view.commands import write_making_command, write_trial_command
 from vvvaltr.controller.view.page import to_png, write_figure, write_page, write_table

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.gaits import Gait, GaitSpace, Parameter, Quantity
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Parameter, Quantity
+from vvvaltr.controller.core.values import Estimate
 from vvvaltr.controller.view.canvas import Canvas, When
 from vvvaltr.controller.view.chart import ticks
 

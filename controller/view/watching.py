@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 
+from vvvaltr.controller.core.gaits import Gait, Quantity
 from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
-from vvvaltr.controller.core.values import Gait, MotorState, Pose, Quantity, Structure
+from vvvaltr.controller.core.values import MotorState, Pose, Structure
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,9 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import LoggedTrial, Run, SteeringStep
-from vvvaltr.controller.core.values import Gait, Outcome, Pose
+from vvvaltr.controller.core.values import Outcome, Pose
 
 _TABLE_ROWS = 60  # the newest trials; `vvvaltr export` has all
 _TWINS = ("planar", "spatial")

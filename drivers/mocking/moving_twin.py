@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from vvvaltr.controller.core.errors import DeviceFault
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Robot
-from vvvaltr.controller.core.values import Gait, Vector
+from vvvaltr.controller.core.values import Vector
 from vvvaltr.drivers.mocking.hand import MockHand
 from vvvaltr.drivers.mocking.pose_faults import PoseFaults
 from vvvaltr.drivers.trackers.registry import PoseFeed

@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from vvvaltr.controller.core.values import Gait, MotorState, Quantity
+from vvvaltr.controller.core.gaits import Gait, Quantity
+from vvvaltr.controller.core.values import MotorState
 from vvvaltr.drivers.links.curve import to_commands
 from vvvaltr.drivers.links.link import Link
 from vvvaltr.drivers.links.remote_clock import RemoteClock

@@ -13,7 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout
-from vvvaltr.controller.core.values import Gait, MotorState, Quantity
+from vvvaltr.controller.core.gaits import Gait, Quantity
+from vvvaltr.controller.core.values import MotorState
 from vvvaltr.drivers.links.can import CanLink, Frame
 from vvvaltr.drivers.links.curve import to_commands
 from vvvaltr.drivers.motor_line import arm_or_close

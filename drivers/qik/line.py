@@ -12,7 +12,8 @@ import math
 import time
 
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, UserError
-from vvvaltr.controller.core.values import Gait, MotorState, Quantity
+from vvvaltr.controller.core.gaits import Gait, Quantity
+from vvvaltr.controller.core.values import MotorState
 from vvvaltr.drivers.links.curve import Curve, to_commands
 from vvvaltr.drivers.links.link import Link, discard, read_exactly
 from vvvaltr.drivers.links.trouble import ECHO_CURE

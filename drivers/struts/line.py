@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost
-from vvvaltr.controller.core.values import Gait, MotorState
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import MotorState
 from vvvaltr.drivers.links.curve import to_commands
 from vvvaltr.drivers.links.gatt import GattLink, Word, in_words
 from vvvaltr.drivers.motor_line import MotorLine, Patience, arm_or_close

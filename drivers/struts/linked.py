@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 
 from vvvaltr.controller.core.errors import LinkLost
-from vvvaltr.controller.core.values import Quantity
+from vvvaltr.controller.core.gaits import Quantity
 from vvvaltr.drivers.links.gatt import GattLink, Word
 from vvvaltr.drivers.struts.opening import wanted_of
 from vvvaltr.drivers.struts.rescue import stop_runaways

@@ -10,7 +10,8 @@ import time
 from collections.abc import Sequence
 
 from vvvaltr.controller.core.errors import DeviceTimeout, LinkLost, UserError
-from vvvaltr.controller.core.values import Gait, MotorState
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import MotorState
 from vvvaltr.drivers.links.curve import Curve, to_commands
 from vvvaltr.drivers.links.gatt import GattLink, Word
 from vvvaltr.drivers.motor_line import Patience

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.robot.hardware import open_motors
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.robot.robot_file import load_robot_file

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from vvvaltr.controller.core.values import Gait, Outcome
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.hardware import HardwareRobot, open_hardware

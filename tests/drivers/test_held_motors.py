@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 import pytest
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from vvvaltr.controller.core.values import Gait, MotorState, Quantity
+from vvvaltr.controller.core.gaits import Gait, Quantity
+from vvvaltr.controller.core.values import MotorState
 from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.motor_line import Patience
 

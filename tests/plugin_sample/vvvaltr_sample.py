@@ -5,7 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from vvvaltr.controller.core.values import Gait, MotorState, Pose, Quantity
+from vvvaltr.controller.core.gaits import Gait, Quantity
+from vvvaltr.controller.core.values import MotorState, Pose
 from vvvaltr.drivers.registry import Driver
 from vvvaltr.drivers.table import LineTable, TrackerTable
 from vvvaltr.drivers.trackers.registry import TrackerKind

@@ -4,7 +4,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Pose, Quantity, Trial
+from vvvaltr.controller.core.gaits import Gait, Quantity
+from vvvaltr.controller.core.values import MotorState, Outcome, Pose, Trial
 from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 

@@ -7,6 +7,7 @@ import random
 from dataclasses import replace
 
 from vvvaltr.controller.core.conditions import Conditions
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import (
     Displacement,
     Fit,
@@ -20,7 +21,6 @@ from vvvaltr.controller.core.values import (
     Command,
     Estimate,
     Forces,
-    Gait,
     MotorState,
     Outcome,
     Phase,

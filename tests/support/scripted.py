@@ -4,7 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from vvvaltr.controller.core.errors import DeviceError
-from vvvaltr.controller.core.values import Gait, MotorState, Pose, Quantity
+from vvvaltr.controller.core.gaits import Gait, Quantity
+from vvvaltr.controller.core.values import MotorState, Pose
 
 
 @dataclass

@@ -2,7 +2,7 @@ from functools import partial
 
 import pytest
 
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.twin.batch import run_all
 from vvvaltr.twin.presets import planar_robot, spatial_robot

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from vvvaltr.controller.core.values import Gait, Outcome
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.loop.movement import measure_movement
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.twin.engine import Start

@@ -4,8 +4,9 @@ from functools import partial
 import numpy as np
 import pytest
 
+from vvvaltr.controller.core.gaits import Gait, Quantity
 from vvvaltr.controller.core.protocols import Robot
-from vvvaltr.controller.core.values import Gait, Outcome, Quantity
+from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.twin.presets import PLANAR_DRIVES, planar_robot
 from vvvaltr.twin.scatter import Scatter, TrackerNoise

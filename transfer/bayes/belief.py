@@ -10,7 +10,8 @@ from functools import cached_property, partial
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.values import Estimate, GaitSpace
+from vvvaltr.controller.core.gaits import GaitSpace
+from vvvaltr.controller.core.values import Estimate
 from vvvaltr.transfer.bayes.acquisition import Draw, Posterior, draw_uniformly
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.fitting import Prior, fit

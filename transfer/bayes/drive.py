@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.values import GaitSpace, Quantity
+from vvvaltr.controller.core.gaits import GaitSpace, Quantity
 from vvvaltr.transfer.bayes.acquisition import draw_uniformly
 from vvvaltr.transfer.causes.beating import SCATTER, Flags, beat, move_apart
 

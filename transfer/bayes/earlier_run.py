@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import GaitSpace, Source
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.bayes.belief import refit
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.proposal import Proposal, list_proposals

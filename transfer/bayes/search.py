@@ -13,9 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.gaits import Gait, GaitSpace, Quantity
 from vvvaltr.controller.core.records import Fit, Told
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Quantity, Recommendation, Suggestion
+from vvvaltr.controller.core.values import Estimate, Recommendation, Suggestion
 from vvvaltr.transfer.bayes.acquisition import SCAN_PLACES, PosteriorMean, maximise
 from vvvaltr.transfer.bayes.belief import Belief, describe_fit, read_fit
 from vvvaltr.transfer.bayes.proposal import Proposal, Propose

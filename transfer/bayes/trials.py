@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.values import GaitSpace
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.transfer.bayes.kernel import Observations
 from vvvaltr.transfer.bayes.scale import Scale
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import Told
-from vvvaltr.controller.core.values import Gait
 from vvvaltr.transfer.causes.floor import Drift, DriftLearner
 from vvvaltr.transfer.causes.pieces import weigh
 from vvvaltr.transfer.causes.standing import find_standing

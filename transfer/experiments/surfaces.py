@@ -9,8 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait, GaitSpace
 from vvvaltr.transfer.bayes.belief import learn_alone
 from vvvaltr.transfer.bayes.search import places
 from vvvaltr.transfer.bayes.trials import Trials

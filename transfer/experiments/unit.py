@@ -11,9 +11,10 @@ from statistics import fmean, stdev
 
 import msgspec
 
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import Gait, GaitSpace, Source
+from vvvaltr.controller.core.values import Source
 from vvvaltr.controller.loop.learn import learn
 from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits

@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.transfer.bayes.alike import Alike
 from vvvaltr.transfer.bayes.belief import Belief, refit
 from vvvaltr.transfer.bayes.drive import Drive, places_on_bounds

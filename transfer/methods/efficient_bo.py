@@ -14,8 +14,9 @@ from functools import partial
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import GaitSpace, Source
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.bayes.belief import Belief, refit
 from vvvaltr.transfer.bayes.earlier_run import EarlierRun, learn_sources
 from vvvaltr.transfer.bayes.kernel import Observations

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.values import GaitSpace, Source
+from vvvaltr.controller.core.gaits import GaitSpace
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.bayes.acquisition import Posterior
 from vvvaltr.transfer.bayes.belief import Belief, learn_alone
 from vvvaltr.transfer.bayes.drive import Drive

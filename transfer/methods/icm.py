@@ -13,7 +13,8 @@ from functools import partial
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.values import GaitSpace, Source
+from vvvaltr.controller.core.gaits import GaitSpace
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.bayes.belief import Belief, refit
 from vvvaltr.transfer.bayes.earlier_run import EarlierRun, learn_sources, propose_best
 from vvvaltr.transfer.bayes.gp import GaussianProcess

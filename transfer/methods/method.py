@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.protocols import AskTell
-from vvvaltr.controller.core.values import GaitSpace, Source
+from vvvaltr.controller.core.values import Source
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.transfer.bayes.belief import learn_alone
 from vvvaltr.transfer.bayes.initial_design import propose_design
 from vvvaltr.transfer.bayes.proposal import begin_with

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from vvvaltr.controller.core.values import GaitSpace
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.transfer.bayes.belief import Belief, learn_alone
 from vvvaltr.transfer.bayes.proposal import Proposal
 from vvvaltr.transfer.bayes.search import Search

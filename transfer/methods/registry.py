@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from vvvaltr.controller.core.ask_tell import complete
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.plug_ins import Registry
 from vvvaltr.controller.core.protocols import Optimizer
 from vvvaltr.controller.core.spelling import unknown
-from vvvaltr.controller.core.values import GaitSpace, Source
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.methods import (
     drive,
     efficient_bo,

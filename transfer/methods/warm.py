@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.streams import stream
-from vvvaltr.controller.core.values import GaitSpace, Source
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.bayes.belief import learn_alone
 from vvvaltr.transfer.bayes.earlier_run import learn_sources, propose_best
 from vvvaltr.transfer.bayes.initial_design import propose_design

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.transfer.steering.passage import Passage
 
 WANDER_M = 0.0015  # of the path about an even walk, after a second

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.transfer.steering.planner import Abilities, Goal, plan
 from vvvaltr.transfer.steering.repertoire import Repertoire
 

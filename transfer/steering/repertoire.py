@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.values import Gait, Trial
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Trial
 from vvvaltr.transfer.steering.belief import FLOOR_TURN, Belief, drives
 from vvvaltr.transfer.steering.passage import STEADY_S, Passage, passage, start_delay_s
 

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.twin.body import Body
 from vvvaltr.twin.engine import LEVEL, Start
 from vvvaltr.twin.planar.plane import Plane, Posture, flatten

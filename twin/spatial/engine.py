@@ -10,7 +10,8 @@ import numpy as np
 
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.errors import DeviceFault
-from vvvaltr.controller.core.values import Forces, Gait
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Forces
 from vvvaltr.twin.body import Body
 from vvvaltr.twin.engine import LEVEL, Diverged, Start
 from vvvaltr.twin.posture import Angles, continue_angles, fit_rotation, place_nodes, rotate_posture

@@ -13,7 +13,7 @@ import msgspec
 
 from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import TrackingLost, UserError
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.robot.commissioning.track import LEAST_RATE_HZ, look, sight
 from vvvaltr.controller.robot.commissioning.vibration import (
     Peak,

@@ -9,8 +9,8 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, TrackingLost, UserError
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Tracker
-from vvvaltr.controller.core.values import Gait
 from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter
 from vvvaltr.controller.robot.commissioning.track import Sight, look, problems, sight
 from vvvaltr.controller.robot.commissioning.vibration import (

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vvvaltr.controller.core.errors import DeviceTimeout, TrackingLost
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Tracker
-from vvvaltr.controller.core.values import Gait, Pose
+from vvvaltr.controller.core.values import Pose
 from vvvaltr.controller.robot.commissioning.doubts import Problem, doubts_of, find_strays
 from vvvaltr.drivers.links.remote_clock import RemoteClock
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceTimeout, TrackingLost
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Tracker
-from vvvaltr.controller.core.values import Gait, MotorState, Pose
+from vvvaltr.controller.core.values import MotorState, Pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -19,12 +19,12 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from vvvaltr.controller.core.conditions import check_finite
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import Run
 from vvvaltr.controller.core.values import (
     Command,
     Estimate,
     Forces,
-    Gait,
     MotorState,
     Phase,
     Photo,

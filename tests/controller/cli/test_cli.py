@@ -229,8 +229,9 @@ def test_an_out_that_cannot_be_made_is_refused(tmp_path: Path, capsys: pytest.Ca
 def test_a_source_with_another_number_of_motors_is_refused(
     flat: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    from vvvaltr.controller.core.gaits import Gait
     from vvvaltr.controller.core.records import LoggedTrial
-    from vvvaltr.controller.core.values import Gait, Outcome, Pose, Suggestion, Trial
+    from vvvaltr.controller.core.values import Outcome, Pose, Suggestion, Trial
     from vvvaltr.controller.runs.log import RunLog
 
     gait = Gait((12.0, 12.0))

@@ -14,8 +14,9 @@ from pathlib import Path
 import pytest
 from gliding import TABLE, GlidingRobot, tried
 
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import Gait, Outcome, Suggestion
+from vvvaltr.controller.core.values import Outcome, Suggestion
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
 from vvvaltr.controller.runs.log import read_run
 from vvvaltr.controller.studies.steering_run import SteeringRun, steering_config

@@ -5,7 +5,8 @@ import pytest
 
 from vvvaltr.controller.core.ask_tell import WithoutModel, complete
 from vvvaltr.controller.core.errors import NothingToRecommend
-from vvvaltr.controller.core.values import Gait, GaitSpace, Suggestion
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
+from vvvaltr.controller.core.values import Suggestion
 from vvvaltr.transfer.methods.plain_bo import PlainBO
 
 SLOW, FAST, UNTRIED = Gait((5.0,)), Gait((12.0,)), Gait((8.0,))

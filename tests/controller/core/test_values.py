@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vvvaltr.controller.core.gaits import Gait, GaitSpace, Parameter, Quantity
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Gait, GaitSpace, Outcome, Parameter, Quantity, Source, Suggestion, Trial
+from vvvaltr.controller.core.values import Outcome, Source, Suggestion, Trial
 
 BOTH = GaitSpace.over(3, 4.0, 16.7, (Quantity.FREQUENCY, Quantity.PHASE))
 

@@ -10,8 +10,9 @@ from scripted import ScriptedRobot, raising
 
 from vvvaltr.controller.core.attending import Stage, StartPlace, Wish
 from vvvaltr.controller.core.errors import TrackingLost, UserError
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.records import LoggedTrial, Verdict
-from vvvaltr.controller.core.values import GaitSpace, MotorState, Outcome
+from vvvaltr.controller.core.values import MotorState, Outcome
 from vvvaltr.controller.loop.attendance import Attendance
 from vvvaltr.controller.loop.learn import learn
 from vvvaltr.controller.loop.plan import Budget

@@ -2,8 +2,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import EventKind, Fit, LoggedTrial
-from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Phase, Pose, Suggestion, Trial
+from vvvaltr.controller.core.values import (
+    MotorState,
+    Outcome,
+    Phase,
+    Pose,
+    Suggestion,
+    Trial,
+)
 from vvvaltr.controller.loop.causes import StrengthWatch, fault_standing_motor, review_speed, to_repeat
 from vvvaltr.controller.loop.learn import learn
 from vvvaltr.controller.loop.plan import Budget

@@ -4,8 +4,9 @@ import pytest
 from scripted import ScriptedRobot, raising
 
 from vvvaltr.controller.core.errors import TrackingLost, UserError
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Gait, GaitSpace, Outcome, Suggestion
+from vvvaltr.controller.core.values import Outcome, Suggestion
 from vvvaltr.controller.loop.learn import learn, make_source
 from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.summary import summarise

@@ -10,7 +10,8 @@ from sample_run import logged_trial
 from scripted import ScriptedRobot
 
 from benchmarks.soak import STATED_BYTES
-from vvvaltr.controller.core.values import Gait, Outcome, Suggestion
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Outcome, Suggestion
 from vvvaltr.controller.loop.learn import learn
 from vvvaltr.controller.loop.memory import Memory
 from vvvaltr.controller.loop.plan import Budget

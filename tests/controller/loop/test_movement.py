@@ -5,8 +5,9 @@ import pytest
 from scripted import ScriptedRobot, raising
 
 from vvvaltr.controller.core.errors import LinkLost
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.resting import RestingPose
-from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Pose, Trial
+from vvvaltr.controller.core.values import MotorState, Outcome, Pose, Trial
 from vvvaltr.controller.loop.movement import measure_applied, measure_movement
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 

@@ -5,9 +5,9 @@ import pytest
 from scripted import ScriptedRobot, raising
 
 from vvvaltr.controller.core.errors import TrackingLost, UserError
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.controller.core.protocols import Observer
 from vvvaltr.controller.core.records import Event, EventKind, LoggedTrial
-from vvvaltr.controller.core.values import GaitSpace
 from vvvaltr.controller.loop.learn import learn
 from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.trial_runner import TrialSettings

@@ -3,7 +3,8 @@ import math
 import pytest
 
 from vvvaltr.controller.core.errors import SafetyStop
-from vvvaltr.controller.core.values import Gait, MotorState, Outcome, Pose, Quantity
+from vvvaltr.controller.core.gaits import Gait, Quantity
+from vvvaltr.controller.core.values import MotorState, Outcome, Pose
 from vvvaltr.controller.loop.safety import Arena, GuardedMotors, HeadingGuard, Limits, make_arena_guard
 
 

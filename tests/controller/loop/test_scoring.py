@@ -2,7 +2,8 @@ import math
 
 import pytest
 
-from vvvaltr.controller.core.values import Estimate, Gait, Outcome, Pose, Trial
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Estimate, Outcome, Pose, Trial
 from vvvaltr.controller.loop.scoring import as_speed, score
 
 

@@ -7,7 +7,8 @@ import pytest
 from scripted import ScriptedRobot, raising
 
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost, TrackingLost
-from vvvaltr.controller.core.values import Gait, Outcome, Pose
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Outcome, Pose
 from vvvaltr.controller.loop.safety import Arena, GuardedRobot, Limits
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial

@@ -11,7 +11,8 @@ import msgspec
 import pytest
 
 from vvvaltr.controller.core.errors import DeviceFault, LinkLost, TrackingLost, UserError
-from vvvaltr.controller.core.values import Gait, Outcome
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.loop.safety import GuardedRobot
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.choice import RobotChoice

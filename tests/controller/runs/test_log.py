@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from vvvaltr.controller.core.conditions import Conditions
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import (
     AppliedFrequencies,
     Displacement,
@@ -40,7 +41,6 @@ from vvvaltr.controller.core.resting import RestingPose
 from vvvaltr.controller.core.values import (
     Command,
     Estimate,
-    Gait,
     MotorState,
     Outcome,
     Phase,

@@ -5,7 +5,8 @@ import pytest
 
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.errors import TrackingLost, UserError
-from vvvaltr.controller.core.values import Gait, Pose
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Pose
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.runs.log import LOG_NAME, read_run
 from vvvaltr.controller.studies.compare import Comparison, Contest, compare

@@ -9,8 +9,9 @@ import pytest
 from gliding import GAITS, GlidingRobot, Velocity, tried
 
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import Gait, Suggestion
+from vvvaltr.controller.core.values import Suggestion
 from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import choose_robot, open_rig

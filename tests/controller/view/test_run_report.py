@@ -18,8 +18,9 @@ from sample_run import SOURCE, STRUCTURE, logged_trial, sample_run, weaker
 from vvvaltr.controller.cli.learn import _asked
 from vvvaltr.controller.cli.main import main, make_parser
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import Gait, GaitSpace, Outcome
+from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.runs.config import load_config
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
 from vvvaltr.controller.view.commands import write_learn_command, write_trial_command

@@ -1,6 +1,7 @@
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import Displacement, LoggedTrial, Movement
 from vvvaltr.controller.core.resting import RestingPose
-from vvvaltr.controller.core.values import Gait, Outcome, Suggestion, Trial
+from vvvaltr.controller.core.values import Outcome, Suggestion, Trial
 from vvvaltr.controller.view.run_findings import describe_start_drift
 
 

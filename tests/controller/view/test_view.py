@@ -19,8 +19,9 @@ from rerun.chunk import RrdReader
 from sample_run import STRUCTURE, logged_trial, sample_run, weaker
 
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.records import LoggedTrial, Review, Run
-from vvvaltr.controller.core.values import Estimate, Gait, GaitSpace, Outcome, Photo, Pose, Structure
+from vvvaltr.controller.core.values import Estimate, Outcome, Photo, Pose, Structure
 from vvvaltr.controller.loop.movement import measure_pieces
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.opening import choose_robot, open_rig

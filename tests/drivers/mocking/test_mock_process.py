@@ -16,7 +16,8 @@ from pathlib import Path
 import pytest
 
 from vvvaltr.controller.core.errors import DeviceError, NotUnderstood
-from vvvaltr.controller.core.values import Gait, Outcome
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.hardware import open_hardware
 from vvvaltr.controller.robot.mock import DEVICES, open_mock
@@ -34,7 +35,7 @@ from pathlib import Path
 from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.controller.robot.hardware import open_hardware
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 robot = open_hardware(load_robot_file(Path(sys.argv[1])))
 run_trial(robot, Gait((9.0, -12.0, 15.0)), TrialSettings(duration_s=30.0, heading_limit_rad=None))
 """

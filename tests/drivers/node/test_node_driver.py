@@ -7,7 +7,7 @@ import time
 import pytest
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.links.serial import SerialLink
 from vvvaltr.drivers.mocking.faults import Fault, Kind

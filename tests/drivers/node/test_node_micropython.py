@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from vvvaltr.controller.core.errors import DeviceError, LinkLost
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.node.line import open_line
 from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable

@@ -17,7 +17,7 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.links.can import CanLink, Frame
 from vvvaltr.drivers.mocking.can_adapter import BusPort, SlcanAdapter

@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from vvvaltr.controller.core.errors import DeviceFault, DeviceTimeout, LinkLost
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.robot.hardware import open_motors
 from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.links.curve import Curve

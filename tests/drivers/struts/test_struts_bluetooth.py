@@ -13,7 +13,7 @@ import pytest
 from stand_in_bluez import StandInBluez
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.drivers.held_motors import HeldMotors
 from vvvaltr.drivers.links import bluetooth
 from vvvaltr.drivers.links.gatt import Wanted

@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost, NotUnderstood
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.robot.hardware import open_motors
 from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.drivers.held_motors import HeldMotors

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vvvaltr.controller.core.values import GaitSpace
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.transfer.bayes.alike import Alike
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.driven import Driven

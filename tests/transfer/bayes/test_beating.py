@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity
+from vvvaltr.controller.core.gaits import Gait, GaitSpace, Quantity
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.driven import Driven, observe_drive
 from vvvaltr.transfer.bayes.gp import GaussianProcess

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vvvaltr.controller.core.values import GaitSpace
+from vvvaltr.controller.core.gaits import GaitSpace
 from vvvaltr.transfer.bayes.belief import Belief
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations

@@ -4,8 +4,8 @@ import math
 import numpy as np
 import pytest
 
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.records import Evidence, Piece, Told
-from vvvaltr.controller.core.values import Gait, GaitSpace
 from vvvaltr.transfer.bayes import refitting
 from vvvaltr.transfer.bayes.search import Search
 from vvvaltr.transfer.causes.correction import Corrector

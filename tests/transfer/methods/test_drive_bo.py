@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vvvaltr.controller.core.values import Gait, GaitSpace, Quantity
+from vvvaltr.controller.core.gaits import Gait, GaitSpace, Quantity
 from vvvaltr.transfer.bayes.drive import Drive
 from vvvaltr.transfer.bayes.driven import Driven
 from vvvaltr.transfer.bayes.refitting import Conditioned

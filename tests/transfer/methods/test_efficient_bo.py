@@ -3,7 +3,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from vvvaltr.controller.core.values import Gait, GaitSpace, Source
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.bayes.search import Search
 from vvvaltr.transfer.methods.efficient_bo import EfficientBO, source_variance
 from vvvaltr.transfer.methods.plain_bo import PlainBO

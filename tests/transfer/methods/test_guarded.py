@@ -3,7 +3,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from vvvaltr.controller.core.values import Gait, GaitSpace, Source
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations
 from vvvaltr.transfer.methods.guarded import Guarded, Mixture, list_hypotheses

@@ -5,9 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.protocols import Fitting
 from vvvaltr.controller.core.records import Fit, Told
-from vvvaltr.controller.core.values import Gait, GaitSpace, Source
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.bayes import refitting
 from vvvaltr.transfer.bayes.earlier_run import SOURCE_OBSERVATIONS, EarlierRun
 from vvvaltr.transfer.bayes.search import Search

@@ -3,7 +3,8 @@ import sys
 
 import pytest
 
-from vvvaltr.controller.core.values import Gait, GaitSpace, Source
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.methods.registry import METHODS, make_optimizer
 
 SPACE = GaitSpace.over(3, -20.0, 20.0)
@@ -50,7 +51,7 @@ def test_the_methods_cannot_be_changed() -> None:
 def test_a_suggestion_needs_no_scipy() -> None:
     program = (
         "import sys\n"
-        "from vvvaltr.controller.core.values import GaitSpace\n"
+        "from vvvaltr.controller.core.gaits import GaitSpace\n"
         "from vvvaltr.transfer.methods.registry import make_optimizer\n"
         "optimizer = make_optimizer('plain', GaitSpace.over(3, 0.0, 20.0), 0)\n"
         "for _ in range(10):\n"

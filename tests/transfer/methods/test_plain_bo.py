@@ -3,8 +3,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.protocols import Optimizer
-from vvvaltr.controller.core.values import Gait, GaitSpace
 from vvvaltr.transfer.methods.plain_bo import PlainBO
 from vvvaltr.transfer.methods.registry import make_optimizer
 

@@ -4,8 +4,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.protocols import Optimizer
-from vvvaltr.controller.core.values import Gait, GaitSpace, Source
+from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.kernel import Hyperparameters, Observations
 from vvvaltr.transfer.methods.registry import METHODS, make_optimizer

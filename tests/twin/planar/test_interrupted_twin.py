@@ -10,7 +10,7 @@ import pytest
 PROGRAM = """
 import random, signal, sys
 from vvvaltr.controller.core import signals
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.twin.bodies import make_body
 from vvvaltr.twin.planar.engine import PlanarEngine
 from vvvaltr.twin.presets import PLANAR_PARTS

@@ -8,7 +8,7 @@ import pymunk
 import pytest
 
 from vvvaltr.controller.core.errors import DeviceFault
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.twin.bodies import BODIES, icosahedron6, prism3
 from vvvaltr.twin.body import apply_damage
 from vvvaltr.twin.engine import Diverged, Start
@@ -22,7 +22,7 @@ ICOSAHEDRON = icosahedron6(PLANAR_PARTS)
 STILL = Gait((0.0, 0.0, 0.0))
 LIVELY = Gait((12.0, 14.0, 16.0))
 MOTION = """
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.twin.bodies import make_body
 from vvvaltr.twin.planar.engine import PlanarEngine
 from vvvaltr.twin.presets import PLANAR_PARTS

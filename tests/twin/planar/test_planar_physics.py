@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.twin.bodies import icosahedron6, prism3
 from vvvaltr.twin.body import Body, EccentricForce, Motor, Spring, Strut
 from vvvaltr.twin.engine import Start

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from vvvaltr.controller.core.errors import DeviceFault, UserError
-from vvvaltr.controller.core.values import Gait, Outcome
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.twin.bodies import icosahedron6, prism3
 from vvvaltr.twin.body import EccentricForce, Shape, apply_damage

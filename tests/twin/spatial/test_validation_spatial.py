@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from vvvaltr.controller.core.values import Gait
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.twin.bodies import icosahedron6, prism3
 from vvvaltr.twin.body import Body, Shape, Spring, Strut
 from vvvaltr.twin.presets import SPATIAL_PARTS

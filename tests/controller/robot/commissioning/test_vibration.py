@@ -14,8 +14,9 @@ import pytest
 from msgspec.structs import replace
 
 from vvvaltr.controller.core.errors import DeviceTimeout, TrackingLost
+from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Tracker
-from vvvaltr.controller.core.values import Gait, Pose
+from vvvaltr.controller.core.values import Pose
 from vvvaltr.controller.robot.commissioning.vibration import find_peak, measure_spectrum, record_poses
 from vvvaltr.controller.robot.hardware import HardwareRobot, open_hardware
 from vvvaltr.controller.robot.robot_file import load_robot_file

@@ -7,7 +7,8 @@ from threading import Timer
 import msgspec
 import pytest
 
-from vvvaltr.controller.core.values import Gait, Outcome
+from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.hardware import open_hardware
 from vvvaltr.controller.robot.robot_file import load_robot_file
