@@ -102,7 +102,7 @@ class HeldMotors:
         self.await_message()
 
     def send_stop(self) -> None:
-        """Do the first half of ``stop``: send it. Raises LinkLost."""
+        """Do the first half of ``stop``: send it, unless the line has been closed. Raises LinkLost."""
         with self._sending:
             self._gait = None
             if isinstance(self._problem, LinkLost):
@@ -165,8 +165,8 @@ class HeldMotors:
 
     def _shut(self) -> None:
         """Stop the motors and close the line; where the line is lost, the device's watchdog stops the motors."""
-        with suppress(LinkLost), self._sending:
-            self._rest()
+        with suppress(LinkLost):
+            self.send_stop()
         self._closing.set()
         self._thread.join()
         self._line.close()
@@ -192,7 +192,7 @@ class HeldMotors:
                 self._check_heard(listening_s)
                 self._check_stalls()
             except LinkLost as error:
-                self._problem = error
+                self._lose(error)
                 return
             except DeviceError as error:
                 self._give_up(error)
@@ -241,6 +241,12 @@ class HeldMotors:
                     f"instead of {follower.wanted_hz:g} Hz; free it, or check its supply and wiring",
                 )
         return None
+
+    def _lose(self, problem: LinkLost) -> None:
+        """Close a lost line at once: without a watchdog, closing it is what looks for the motor that runs on."""
+        with self._sending:  # nobody sends from here on
+            self._problem = problem
+        self._line.close()
 
     def _give_up(self, problem: DeviceError) -> None:
         """Keep the first problem, and stop the motors until the line is opened again."""

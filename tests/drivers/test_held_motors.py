@@ -126,6 +126,35 @@ def test_an_error_is_raised_by_everything_until_the_line_is_opened_afresh(kind: 
         assert lines[1].sent[-1][1] == 10.0
 
 
+def test_a_lost_line_is_closed_at_once() -> None:
+    with held() as (motors, (line,)):
+        motors.drive(GAIT, 1.0)
+        line.error = LinkLost("gone")
+        time.sleep(0.05)
+
+        assert line.is_closed
+
+
+def test_a_line_that_has_been_closed_is_told_nothing_however_long_it_takes_to_open_it_again() -> None:
+    lines: list[Line] = []
+    refusals = [LinkLost("not plugged in"), LinkLost("not plugged in")]
+
+    def open_line() -> Line:
+        if lines and refusals:
+            raise refusals.pop()
+        lines.append(Line())
+        return lines[-1]
+
+    with closing(HeldMotors(open_line)) as motors:
+        motors.park()
+        parked = len(lines[0].sent)
+        motors.ready(patience_s=1.0)
+        motors.park()
+
+    assert len(lines) == 2 and all(line.is_closed for line in lines)
+    assert len(lines[0].sent) == parked
+
+
 def test_after_a_fault_the_motors_are_told_to_rest_again_and_again() -> None:
     with held() as (motors, (line,)):
         motors.drive(GAIT, 1.0)

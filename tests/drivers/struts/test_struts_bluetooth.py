@@ -5,6 +5,7 @@ What no test here can reach is the radio: how late a text comes, and how soon a 
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -110,6 +111,20 @@ def test_a_lost_link_names_the_strut_stops_the_others_and_is_made_anew(air: Air)
 
         motors.ready(patience_s=2.0)
         drive_for(motors, 0.2)
+
+
+def test_a_strut_that_is_away_for_a_while_is_looked_for_again_and_again(air: Air) -> None:
+    bluez = air(*NAMES)
+    with held() as motors:
+        away = bluez.peripherals[1]
+        bluez.drop(away)
+        with pytest.raises(LinkLost):
+            drive_for(motors, 1.0)
+        bluez.peripherals.remove(away)
+        threading.Timer(0.5, bluez.peripherals.insert, (1, away)).start()
+
+        motors.ready(patience_s=5.0)
+        drive_for(motors, 0.1)
 
 
 def test_links_that_a_killed_program_has_left_up_are_taken_over(air: Air) -> None:
