@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -66,6 +67,8 @@ class Scatter:
     spin_up_s: float = 1.0
 
     def __post_init__(self) -> None:
+        if self.azimuth_rad is not None and not math.isfinite(self.azimuth_rad):
+            raise ValueError(f"azimuth_rad is {self.azimuth_rad:g}; allowed: any angle")
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name == "azimuth_rad" or isinstance(value, bool):
@@ -128,13 +131,20 @@ class Scatter:
         """
         if not (self.drift or self.step or self.fade):
             return 1.0
-        draws = [stream(seed, number, "strength") for number in range(2, trial + 1)]
-        walk = self.drift * sum(float(random.normal()) for random in draws)
-        steps = sum(float(random.random()) < self.step for random in draws)
+        draws = [_draw_change(seed, number) for number in range(2, trial + 1)]
+        walk = self.drift * sum(stride for stride, _ in draws)
+        steps = sum(chance < self.step for _, chance in draws)
         used = max(0, trial - 1)
         age = used % self.battery_trials if self.battery_trials else used
         logarithm = -abs(walk) + steps * math.log(max(self.step_factor, 0.01)) - self.fade * age
         return math.exp(max(_WEAKEST, logarithm))
+
+
+@lru_cache(maxsize=8192)  # each trial asks for those of all trials before it
+def _draw_change(seed: int, trial: int) -> tuple[float, float]:
+    """Return the stride of the walk of strength before a trial, in deviations, and what decides whether it steps."""
+    random = stream(seed, trial, "strength")
+    return float(random.normal()), float(random.random())
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.loop.movement import measure_movement
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
+from vvvaltr.twin import scatter
 from vvvaltr.twin.engine import Start
 from vvvaltr.twin.presets import planar_robot, spatial_robot
 from vvvaltr.twin.scatter import CAREFUL, HURRIED, Scatter, TrackerNoise, parse_scatter
@@ -31,12 +33,25 @@ def test_a_scatter_is_written_as_a_preset_and_what_differs_from_it():
         ("careful:incline_rad=2", "incline_rad is 2; allowed: 0 to 0.5"),
         ("careful:left=true", "left is 'true'; allowed: yes or no"),
         ("careful:drift=nan", "drift is nan"),
+        ("hurried:azimuth_rad=nan", "azimuth_rad is nan; allowed: any angle"),
+        ("hurried:azimuth_rad=inf", "azimuth_rad is inf"),
         ("careful:battery_trials=1.5", "not a whole number"),
     ],
 )
 def test_a_scatter_that_makes_no_sense_is_refused_in_one_line(text, complaint):
     with pytest.raises(ValueError, match=complaint):
         parse_scatter(text, 0.1)
+
+
+def test_the_strength_of_a_long_run_is_drawn_once_a_trial(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(scatter, "stream", lambda *key: drawn.append(key) or stream(*key))
+
+    strengths = [HURRIED.strength(4711, trial) for trial in range(1, 101)]
+
+    assert len(drawn) <= 100
+    assert strengths == [HURRIED.strength(4711, trial) for trial in range(1, 101)]
+    assert len(set(strengths)) == 100
 
 
 def test_on_an_inclined_floor_without_friction_a_robot_slides_downhill_as_gravity_says():
