@@ -27,6 +27,8 @@ LEAST_HZ = 8.0
 
 _SPUN_UP_S = 1.0
 _LEAST_S = 2.0  # of the drive after it
+_MOST_S = 20.0  # at its end: the time that a spectrum takes grows with the square of the drive's
+_ROWS = 256  # of waves at a time, for the sake of memory
 _BAND = 0.04  # share by which a motor may miss its frequency
 _WIDE, _WIDE_HZ = 0.25, 4.0  # what is next to a line, as a share of its frequency and at least
 _GUARD_HZ = 0.5  # width of a line to either side
@@ -128,7 +130,8 @@ def _is_mixed(spectrum: _Spectrum, line: _Line, others: Sequence[_Line]) -> bool
 
 def _measure(poses: Sequence[Pose]) -> _Spectrum | None:
     """Return the spectrum of a drive once the motors have spun up; None where it is too short or too slow."""
-    seen = [pose for pose in poses if pose.t_s >= _SPUN_UP_S and pose.is_finite]
+    begin_s = max(_SPUN_UP_S, poses[-1].t_s - _MOST_S) if poses else 0.0
+    seen = [pose for pose in poses if pose.t_s >= begin_s and pose.is_finite]
     times_s = np.array([pose.t_s for pose in seen])
     if len(seen) < 2 or times_s[-1] - times_s[0] < _LEAST_S:
         return None
@@ -148,8 +151,10 @@ def _measure(poses: Sequence[Pose]) -> _Spectrum | None:
     coordinates = coordinates - walk @ np.linalg.lstsq(walk, coordinates, rcond=None)[0]
     window = np.hanning(len(seen) + 2)[1:-1]
     frequency_hz = np.arange(_LEAST_SEEN_HZ - _GUARD_HZ, rate_hz / 2.0, _FINE / span_s)
-    waves = np.exp(-2j * np.pi * np.outer(frequency_hz, times_s)) * window
-    return _Spectrum(rate_hz, frequency_hz, np.abs(waves @ coordinates) * 2.0 / float(window.sum()))
+    windowed = window[:, None] * coordinates
+    blocks = (frequency_hz[row : row + _ROWS] for row in range(0, len(frequency_hz), _ROWS))
+    lines = [np.abs(np.exp(-2j * np.pi * np.outer(block, times_s)) @ windowed) for block in blocks]
+    return _Spectrum(rate_hz, frequency_hz, np.concatenate(lines) * 2.0 / float(window.sum()))
 
 
 def _find_line(

@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,21 @@ def test_a_motor_that_does_not_turn_is_seen(dead):
 def test_a_motor_beyond_half_the_trackers_rate_is_seen_where_its_line_folds_to():
     assert find_turning(shake([20.0, 62.0, 13.0]), (20.0, 62.0, 13.0)) == (True, True, True)
     assert find_turning(shake([20.0, 13.0]), (20.0, 62.0, 13.0)) == (True, False, True)
+
+
+def test_of_a_long_drive_the_end_is_looked_at_in_little_memory():
+    at_first, at_last = shake([20.0, 31.0, 13.0], duration_s=40.0), shake([20.0, 13.0], duration_s=60.0)
+    poses = at_first + [pose for pose in at_last if pose.t_s > 39.995]
+
+    tracemalloc.start()
+    try:
+        found = find_turning(poses, GAIT_HZ)
+        _, most_bytes = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+
+    assert found == (True, False, True)
+    assert most_bytes < 50e6
 
 
 def test_nearly_equal_motors_are_told_together():
