@@ -13,9 +13,12 @@ from vvvaltr.controller.core.disk import read_bytes
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.values import Trial
+from vvvaltr.transfer.steering.passage import STEADY_S
 from vvvaltr.transfer.steering.repertoire import LearnedMovement, Repertoire, learn_repertoire
 
 SOURCE_NAME = "source.json"
+
+_GREATEST = 1e3  # m/s or rad/s, of a movement
 
 
 def known_in_run(path: Path, trials: Sequence[Trial]) -> Repertoire:
@@ -62,19 +65,33 @@ def read_repertoire(path: Path) -> Repertoire:
     """Return the movements that a file holds. Raises UserError if it is damaged."""
     try:
         table = msgspec.json.decode(read_bytes(path), type=_Table)
-    except (msgspec.DecodeError, msgspec.ValidationError, OSError, RecursionError) as error:
+        movements = tuple(_read_movement(number, row) for number, row in enumerate(table.movements, start=1))
+        _check_together(table, movements)
+    except (ValueError, OSError, RecursionError) as error:  # of JSON, its types and its numbers alike
         raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None
-    movements = tuple(
-        LearnedMovement(
-            Gait(row.frequency_hz, row.phase_rad, row.amplitude),
-            np.array(row.velocity),
-            np.array(row.covariance),
-            np.array(row.scatter),
-            row.trials,
-        )
-        for row in table.movements
-    )
     return Repertoire(movements, table.drift_m_s, table.delay_s)
+
+
+def _read_movement(number: int, row: _Row) -> LearnedMovement:
+    """Return a movement. Raises ValueError for what no run writes."""
+    gait = Gait(row.frequency_hz, row.phase_rad, row.amplitude)
+    velocity, covariance, scatter = map(np.array, (row.velocity, row.covariance, row.scatter))
+    if not gait.motor_count or row.trials < 1 or scatter.min() < 0.0:
+        raise ValueError(f"movement {number} has no motors, no trials or a scatter below 0")
+    if max(map(np.max, map(np.abs, (velocity, covariance, scatter)))) > _GREATEST:
+        raise ValueError(f"movement {number} has numbers beyond {_GREATEST:g}")
+    if not (np.allclose(covariance, covariance.T) and np.linalg.eigvalsh(covariance).min() > 0.0):
+        raise ValueError(f"the covariance of movement {number} is none")
+    return LearnedMovement(gait, velocity, covariance, scatter, row.trials)
+
+
+def _check_together(table: _Table, movements: Sequence[LearnedMovement]) -> None:
+    """Raise ValueError where movements do not make a repertoire."""
+    gaits = [movement.gait for movement in movements]
+    if len(set(gaits)) < len(gaits) or len({gait.motor_count for gait in gaits}) > 1:
+        raise ValueError("a gait is there twice, or gaits are of different motors")
+    if max(map(abs, table.drift_m_s)) > _GREATEST or not 0.0 <= table.delay_s <= STEADY_S:
+        raise ValueError(f"drift_m_s or delay_s is beyond what a run writes, {_GREATEST:g} m/s and 0 to {STEADY_S:g} s")
 
 
 def split_runs(trials: Sequence[Trial]) -> list[list[Trial]]:
