@@ -136,7 +136,7 @@ class PairFindings:
 def gather_findings(store: Store, chosen: Sequence[Pair] = ()) -> tuple[PairFindings, ...]:
     """Return the findings so far, in order, of every experiment with at least one complete repeat.
 
-    A repeat is complete when the runs of Plain-BO and of every method that has been started are done.
+    A repeat is complete when the runs of Plain-BO and of every method that has been started are done; at least one has.
 
     Args:
         store: campaign on disk.
@@ -160,7 +160,7 @@ def _gather_pair(store: Store, pair: Pair) -> PairFindings | None:
     first = plan_units(pair, store.settings, 1, list_transfer_methods())
     methods = [name for name, unit in first.methods.items() if store.has(unit)]
     complete = _list_complete_repeats(store, pair, methods)
-    if not complete:
+    if not methods or not complete:
         return None
     afters = plan_checkpoints(pair, store.settings)
 

@@ -1,5 +1,6 @@
 """Tiny campaigns on the planar twin: half a second per trial, a handful of trials."""
 
+import shutil
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
@@ -246,6 +247,16 @@ def test_a_campaign_that_has_just_begun_has_found_nothing(tmp_path: Path) -> Non
     assert gather_findings(store) == ()
     with pytest.raises(UserError, match="no repeat"):
         write_report(store)
+
+
+def test_a_campaign_interrupted_before_its_first_method_has_nothing_to_compare_yet(
+    campaign: Store, tmp_path: Path
+) -> None:
+    folder = tmp_path / "interrupted"
+    shutil.copytree(campaign.folder, folder, ignore=shutil.ignore_patterns(*list_transfer_methods(), "*-from-*"))
+
+    with pytest.raises(UserError, match="no repeat of an experiment is complete yet"):
+        write_report(Store.open(folder))
 
 
 @pytest.fixture(scope="module")
