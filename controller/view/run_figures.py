@@ -19,6 +19,7 @@ _BLUE, _ORANGE, _GREY, _DARK = "#0b6fb8", "#c1640e", "#8a8a8a", "#333333"
 _SIZE = (4.7, 3.1)  # inches: letters of 9 points can be read where the page is 400 pixels wide
 _POINTS = 31
 _MOST_SURFACES = 6
+_MARKERS = "os^Dv<>ph*"
 
 
 def _make(width: float = _SIZE[0], height: float = _SIZE[1]) -> tuple[Figure, Axes]:
@@ -95,14 +96,20 @@ def draw_motors(found: RunFindings) -> Figure | None:
     told = [(it.trial.gait.frequency_hz, it.applied.mean_hz) for it in found.run.trials if it.applied is not None]
     if not told:
         return None
-    figure, axes = _make(height=3.4)
-    for motor, marker in zip(range(len(told[0][0])), "os^Dv<>ph*", strict=False):
+    motors = len(told[0][0])
+    columns = 1 if motors <= len(_MARKERS) else 6
+    figure, axes = _make(height=3.4 + (0.17 * motors / columns if columns > 1 else 0.0))
+    for motor in range(motors):
+        marker = _MARKERS[(motor + motor // len(_MARKERS)) % len(_MARKERS)]  # colours begin again after ten, too
         pairs = [(asked[motor], mean[motor]) for asked, mean in told if motor < len(mean)]
         axes.plot(*zip(*pairs, strict=True), marker, markersize=3.8, alpha=0.75, label=f"motor {motor + 1}")
     reach = [min(min(a) for a, _ in told), max(max(a) for a, _ in told)]
     axes.plot(reach, reach, color=_DARK, linewidth=0.8, linestyle="--")
     axes.set(xlabel="asked (Hz)", ylabel="applied, mean of the drive (Hz)")
-    axes.legend(fontsize=8, frameon=False)
+    if columns == 1:
+        axes.legend(fontsize=8, frameon=False)
+    else:
+        axes.legend(fontsize=6, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns)
     return figure
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import combinations, islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from vvvaltr.controller.view.chart import ticks
 Pair = tuple[Parameter, Parameter]  # the searched frequencies of two motors
 Predict = Callable[[Sequence[Gait]], tuple[Estimate, ...]]
 
+_MOST_PAIRS = 45  # all of ten motors; of sixty, a recording would take an hour
 _POINTS = 25  # along each side of a map
 # Bounds of a map's view, in points of the map: the picture, ticks on two sides, the colour scale on the right.
 MAP_X = (-6.5, _POINTS + 9.5)
@@ -59,8 +60,9 @@ class Belief:
 
 
 def list_pairs(space: GaitSpace) -> tuple[Pair, ...]:
-    """Return all pairs of searched frequencies, each the axes of a map."""
-    return tuple(combinations((p for p in space.parameters if p.quantity is Quantity.FREQUENCY), 2))
+    """Return the pairs of searched frequencies, each the axes of a map; of more than ten motors the first 45 pairs."""
+    pairs = combinations((p for p in space.parameters if p.quantity is Quantity.FREQUENCY), 2)
+    return tuple(islice(pairs, _MOST_PAIRS))
 
 
 def map_path(pair: Pair) -> str:

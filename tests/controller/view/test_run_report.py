@@ -19,12 +19,13 @@ from vvvaltr.controller.cli.learn import _asked
 from vvvaltr.controller.cli.main import main, make_parser
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.gaits import Gait, GaitSpace
-from vvvaltr.controller.core.records import LoggedTrial, Run
+from vvvaltr.controller.core.records import AppliedFrequencies, LoggedTrial, Run
 from vvvaltr.controller.core.values import Outcome
 from vvvaltr.controller.runs.config import load_config
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
 from vvvaltr.controller.view.commands import write_learn_command, write_trial_command
-from vvvaltr.controller.view.run_findings import LeftOut, _leave_each_out, find_in_run
+from vvvaltr.controller.view.run_figures import draw_motors
+from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, _leave_each_out, find_in_run
 from vvvaltr.controller.view.run_report import write_run_report
 
 
@@ -158,6 +159,21 @@ def smooth_trials(count: int, drift: float = 0.0, noise: float = 0.001) -> list[
         logged = logged_trial(number, poses=2)
         trials.append(replace(logged, trial=replace(logged.trial, gait=Gait((first, second))), score=score))
     return trials
+
+
+def test_each_of_many_motors_is_drawn_with_a_mark_of_its_own(tmp_path: Path) -> None:
+    trials = [
+        replace(logged_trial(number), applied=AppliedFrequencies((9.0,) * 60, measured=True)) for number in (1, 2)
+    ]
+    trials = [replace(it, trial=replace(it.trial, gait=Gait((9.0 + it.trial.number,) * 60))) for it in trials]
+    found = RunFindings(tmp_path, Run(None, trials=tuple(trials)), None, None, None, (), None)
+
+    figure = draw_motors(found)
+
+    assert figure is not None
+    marks = [(line.get_marker(), line.get_color()) for line in figure.axes[0].lines if line.get_marker() != "None"]
+    assert len(marks) == len(set(marks)) == 60
+    assert len(figure.axes[0].get_legend().get_texts()) == 60
 
 
 def test_leaving_each_trial_out_predicts_it_with_an_honest_interval() -> None:

@@ -31,7 +31,7 @@ from vvvaltr.controller.view.chart import Axes
 from vvvaltr.controller.view.recording import LiveView, Shown, save_recording, show
 from vvvaltr.controller.view.scene import Scene
 from vvvaltr.controller.view.showing import save_runs
-from vvvaltr.controller.view.speed_maps import Belief
+from vvvaltr.controller.view.speed_maps import Belief, list_pairs
 from vvvaltr.controller.view.watching import Moment, WatchedRobot
 from vvvaltr.controller.view.words import write_about, write_result, write_tables
 
@@ -165,6 +165,11 @@ def test_the_maps_show_the_expected_speed_of_each_pair_of_motors(tmp_path: Path)
     assert sum(pixels[24]) > sum(pixels[0])
     (axes,) = column(found["/learned/motors_1_2/axes"], "labels")
     assert {"motor 1 (Hz)", "motor 2 (Hz)", "mm/s", "-10", "10"} <= set(axes)
+
+
+def test_of_many_motors_only_so_many_pairs_are_mapped_as_can_be_waited_for() -> None:
+    assert len(list_pairs(GaitSpace.over(10, 5.0, 50.0))) == 45
+    assert len(list_pairs(GaitSpace.over(60, 5.0, 50.0))) == 45
 
 
 def test_the_maps_tell_the_speed_of_each_trial_the_best_gait_and_the_next_one(tmp_path: Path) -> None:
