@@ -15,6 +15,7 @@ The distance is that of a robot that may have gone wrong in its last movement by
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,7 @@ from vvvaltr.transfer.steering.arcs import Places, chords, travel
 DURATIONS_S = (1.8, 2.4, 3.2, 4.2, 5.5, 7.3, 10.0)
 """How long a movement may be planned for. None is cut before the shortest, at which its own velocity begins to show."""
 
+_ONWARD_S = 0.5  # the shortest time for which the movement underway may go on
 _FIRST_WIDTH, _WIDTH = 320, 96  # sequences that are kept: all of one movement, for repertoires of the usual size
 _DEPTH = 4
 _GROWTH = 1.5  # of the change of heading within a movement, in factors of e, as far as the first order is of use
@@ -166,7 +168,8 @@ def plan(
     first = menu
     if underway is not None:
         seen = 0.3 * able.deviations.min(axis=0)[None]
-        first = menu.joined(_actions(Abilities(underway[None, :3], seen, underway[None, 3:], 0.0, 0.0), np.array([-1])))
+        onward = Abilities(underway[None, :3], seen, underway[None, 3:], 0.0, 0.0)
+        first = menu.joined(_actions(onward, np.array([-1]), (_ONWARD_S, *DURATIONS_S)))
     search = _Search(goal, start, border, *_speeds(able))
     nodes = _Nodes.at(start, search)
     layers: list[_Nodes] = [nodes]
@@ -179,13 +182,10 @@ def plan(
     return _best(layers, first, menu)
 
 
-def _actions(able: Abilities, names: NDArray[np.int64]) -> _Actions:
-    durations = np.array(DURATIONS_S)
-    if able.delay_s == 0.0:
-        durations = np.concatenate([[0.5], durations])
-    count = len(durations)
+def _actions(able: Abilities, names: NDArray[np.int64], durations_s: Sequence[float] = DURATIONS_S) -> _Actions:
+    count = len(durations_s)
     v, sd = np.repeat(able.velocities, count, axis=0), np.repeat(able.deviations, count, axis=0)
-    t = np.tile(durations, len(names))
+    t = np.tile(durations_s, len(names))
     moving_s = np.maximum(t - able.delay_s, 0.0)
     floor = moving_s[:, None] * np.repeat(able.floor, count, axis=0)
     length_m = np.hypot(v[:, 0], v[:, 1]) * moving_s

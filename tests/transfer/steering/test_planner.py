@@ -7,7 +7,7 @@ import pytest
 from gliding import TABLE
 
 from vvvaltr.transfer.steering.arcs import travel
-from vvvaltr.transfer.steering.planner import Abilities, Border, Goal, plan
+from vvvaltr.transfer.steering.planner import DURATIONS_S, Abilities, Border, Goal, plan
 
 VELOCITIES = np.array(list(TABLE.values()))
 SURE = np.full(VELOCITIES.shape, 1e-4)
@@ -94,6 +94,14 @@ def test_a_movement_underway_goes_on_where_it_leads_to_the_goal_and_not_where_it
 
     assert plan(START, ahead, able(), underway=on).steps[0][0] == -1
     assert plan(START, behind, able(), underway=on).steps[0][0] != -1
+
+
+def test_a_repertoire_that_moves_at_once_is_planned_for_no_shorter_drives_than_any_other() -> None:
+    at_once = Abilities(VELOCITIES, SURE, np.zeros((len(VELOCITIES), 4)), delay_s=0.0, pause_s=0.3)
+
+    steps = [step for x_m in (0.03, 0.05, 0.08) for step in plan(START, Goal(x_m, 0.01), at_once).steps]
+
+    assert {duration_s for _, duration_s in steps} <= set(DURATIONS_S)
 
 
 def test_travel_is_the_integral_of_a_velocity_that_turns_with_the_robot() -> None:
