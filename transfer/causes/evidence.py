@@ -11,7 +11,6 @@ import numpy as np
 from vvvaltr.controller.core.arrays import Array
 
 _EFFECT_SD = 1.0  # of the mixture over effects, in standard deviations of a difference
-_FARTHEST = 1e9  # beyond this many standard errors an interval is as good as none
 
 
 @dataclass(frozen=True, slots=True)
