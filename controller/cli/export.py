@@ -6,12 +6,16 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
+from vvvaltr.controller.cli.options import refuse_to_replace
+from vvvaltr.controller.cli.telling import counted
 from vvvaltr.controller.core.errors import NotUnderstood
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN", help="directory of the run")
-    parser.add_argument("--csv", required=True, metavar="FILE", help="table to write; - is standard output")
+    parser.add_argument(
+        "--csv", required=True, metavar="FILE", help="table to write; an existing one is replaced; - is standard output"
+    )
 
 
 def _execute(arguments: Namespace) -> Answer:
@@ -23,8 +27,9 @@ def _execute(arguments: Namespace) -> Answer:
     table = read_run(arguments.run).table()
     if arguments.csv == "-":
         return Answer(to_csv(table).rstrip("\n"), {})
+    refuse_to_replace(Path(arguments.csv), ".csv", ".tsv", ".txt")
     write_csv(table, Path(arguments.csv))
-    return Answer(f"{len(table)} trials in {arguments.csv}", {"csv": arguments.csv, "trials": len(table)})
+    return Answer(f"{counted(len(table), 'trial')} in {arguments.csv}", {"csv": arguments.csv, "trials": len(table)})
 
 
 COMMAND = Subcommand(

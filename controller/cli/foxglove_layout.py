@@ -7,11 +7,11 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
-from vvvaltr.controller.cli.options import whole
+from vvvaltr.controller.cli.options import refuse_to_replace, whole
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("file", type=Path, metavar="FILE.json", help="file to write; an existing one is replaced")
+    parser.add_argument("file", type=Path, metavar="FILE.json", help="layout to write; an existing one is replaced")
     parser.add_argument("--motors", type=whole(1), default=3, metavar="N", help="number of motors (default 3)")
 
 
@@ -19,6 +19,7 @@ def _execute(arguments: Namespace) -> Answer:
     from vvvaltr.controller.core.disk import write_whole
     from vvvaltr.controller.view.foxglove import make_layout
 
+    refuse_to_replace(arguments.file, ".json")
     write_whole(arguments.file, json.dumps(make_layout(arguments.motors), indent=2) + "\n")
     how = "in Foxglove, open a run's trials.mcap, then import this file from the menu of layouts"
     return Answer(f"{arguments.file}: {how}", {"layout": str(arguments.file)})

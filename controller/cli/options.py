@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from vvvaltr.controller.cli.parser import Details
-from vvvaltr.controller.core.errors import NotUnderstood
+from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.loop.scoring import SCORES
 
@@ -70,6 +70,12 @@ trial_duration = number(low=0.1)
 def heading_limit(text: str) -> float:
     """Convert an argument: a number above 0, or inf."""
     return math.inf if text == "inf" else number(above=0)(text)
+
+
+def refuse_to_replace(path: Path, *endings: str) -> None:
+    """Raise UserError where a file of another kind is there, as the log or robot's file that was meant to be read."""
+    if path.is_file() and path.suffix.lower() not in endings:
+        raise UserError(f"{path} exists and is no {endings[0]} file: name another file, or move it away")
 
 
 def add_robot_arguments(parser: ArgumentParser) -> None:

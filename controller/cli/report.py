@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
+from vvvaltr.controller.cli.options import refuse_to_replace
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
 
@@ -21,6 +22,8 @@ def _add_arguments(parser: ArgumentParser) -> None:
 def _execute(arguments: Namespace) -> Answer:
     path: Path = arguments.path
     is_run = path.is_file() or (path / "trials.mcap").exists()
+    if not (is_run or (path / "campaign.toml").exists()):
+        raise UserError(f"{path} is neither a run nor a campaign: name what vvvaltr learn or vvvaltr experiment wrote")
     if is_run and arguments.markdown:
         raise NotUnderstood("--markdown is for a campaign; vvvaltr export writes the trials of a run as a table")
     if not is_run and arguments.out is not None:
@@ -35,6 +38,7 @@ def _report_run(path: Path, out: Path | None) -> Answer:
     from vvvaltr.controller.view.run_report import write_run_report
 
     page = out or (path / "report.html" if path.is_dir() else path.with_name("report.html"))
+    refuse_to_replace(page, ".html", ".htm")
     found = write_run_report(path, page)
     coverage = None if found.left_out is None else found.left_out.coverage
     data = {"report": str(page), "run": str(path), "coverage": coverage, **summarise(found.run.trials)}

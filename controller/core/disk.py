@@ -68,7 +68,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
     A link at ``path`` is replaced, never followed.
 
     Raises:
-        OSError: the file cannot be written; the old one, if any, is unchanged.
+        OSError: the file cannot be written, or it is a device or a pipe; the old one, if any, is unchanged.
     """
     with replacing(path) as fresh:
         fresh.write(content.encode() if isinstance(content, str) else content)
@@ -79,8 +79,7 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
     """Yield a new file that takes the place of the one at ``path`` once the block is left. Raises OSError."""
     fresh = path.with_name(f"{path.name}.new")
     for each in (path, fresh):
-        if each.is_dir() and not each.is_symlink():
-            raise OSError(errno.EISDIR, "it is a directory, not a file", str(each))
+        _refuse_to_replace(each)
     fresh.unlink(missing_ok=True)  # a left-over, or a link to somewhere
     try:
         with fresh.open("xb") as file:
@@ -92,6 +91,14 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
         fresh.unlink(missing_ok=True)
         raise
     sync_folder(path)
+
+
+def _refuse_to_replace(path: Path) -> None:
+    """Raise OSError for a folder, a device or a pipe, and for a link to one of the last two: /dev/stdout is one."""
+    with suppress(FileNotFoundError):
+        mode = os.stat(path).st_mode
+        if not (path.is_symlink() and stat.S_ISDIR(mode)):
+            _refuse_special(path, mode)
 
 
 def make_own_folder(path: Path) -> None:

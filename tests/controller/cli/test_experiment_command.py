@@ -35,7 +35,7 @@ def test_an_experiment_ends_with_its_findings_and_can_be_reported(
         ("experiment 1 --methods gaurded --out {new}", 2, "unknown method 'gaurded' (did you mean guarded?)"),
         ("experiment 1 --duration 4000 --out {new}", 2, "--duration is 4000"),
         ("experiment 1 --scheduler nowhere --out {new}", 1, "Dask"),
-        ("report {new}", 1, "is not a campaign"),
+        ("report {new}", 1, "is neither a run nor a campaign"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(

@@ -59,3 +59,14 @@ def test_what_cannot_be_written_is_one_line(
 
     (line,) = capsys.readouterr().err.splitlines()
     assert complaint in line
+
+
+@pytest.mark.parametrize("command", ["export {run} --csv {log}", "report {run} --out {log}", "foxglove-layout {log}"])
+def test_a_file_of_another_kind_is_never_replaced(run: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    log = run / "trials.mcap"
+    content = log.read_bytes()
+
+    assert main([word.format(run=run, log=log) for word in command.split()]) == 1
+
+    assert "exists and is no ." in capsys.readouterr().err
+    assert log.read_bytes() == content

@@ -151,6 +151,18 @@ def test_what_takes_the_place_of_a_folder_is_refused_by_name(tmp_path: Path) -> 
         write_whole(tmp_path / "a.toml", "new")
 
 
+@pytest.mark.parametrize("name", ["pipe", "link to a pipe"])
+def test_what_is_no_file_is_not_replaced(tmp_path: Path, name: str) -> None:
+    """Root would lose /dev/null, and with /dev/stdout, which is a link, the standard output of every program."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link to a pipe").symlink_to(tmp_path / "pipe")
+
+    with pytest.raises(OSError, match="it is a named pipe, not a file"):
+        write_whole(tmp_path / name, "new")
+
+    assert (tmp_path / name).is_fifo()
+
+
 def test_a_byte_order_mark_is_no_text(tmp_path: Path) -> None:
     (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbfa = 1")
 
