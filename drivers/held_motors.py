@@ -71,6 +71,10 @@ class HeldMotors:
         """How long a motor takes until its measured frequency is that of the set-point."""
         return self._patience.settle_s
 
+    def ramp_s(self, gait: Gait) -> float:
+        """Return how long the set-points take from rest to ``gait``."""
+        return self._slew.duration_s(gait)
+
     def check(self, gait: Gait) -> None:
         """Raise ValueError if the device cannot apply the frequencies of ``gait``. Sends nothing."""
         self._line.check(gait)
@@ -276,6 +280,11 @@ class _SlewLimit:
     def restart(self) -> None:
         """Begin from rest."""
         self._before = None
+
+    def duration_s(self, gait: Gait) -> float:
+        """Return how long it takes from rest to ``gait``."""
+        ramps = zip(gait.frequency_hz, self._ramp_hz_s, strict=True) if self._ramp_hz_s else ()
+        return max((abs(hz) / ramp_hz_s for hz, ramp_hz_s in ramps if ramp_hz_s), default=0.0)
 
     def towards(self, gait: Gait, now_s: float) -> Gait:
         """Return how much of ``gait`` is due at ``now_s``."""

@@ -47,6 +47,11 @@ class MotorTable(Table, frozen=True, kw_only=True):
         """The command at which the motor turns at ``max_hz``."""
         return self.calibration.command(self.max_hz)
 
+    def by_command(self, greatest: float, curve: Points = ()) -> Self:
+        """Return the motor with commands of up to ``greatest`` in place of frequencies; its ramp is as steep."""
+        per_hz = (self.max_command if self.curve else greatest) / self.max_hz
+        return msgspec.structs.replace(self, curve=curve, max_hz=greatest, ramp_hz_s=per_hz * self.ramp_hz_s)
+
 
 class LineTable(Table, frozen=True, kw_only=True, tag_field="driver"):
     """A line to one device, or to several of one kind. A subclass sets ``tag`` to the name of its driver."""
@@ -66,7 +71,7 @@ class LineTable(Table, frozen=True, kw_only=True, tag_field="driver"):
 
     def remove_curves(self) -> Self:
         """Return the line with commands in place of frequencies, each motor limited to its ``max_command``."""
-        motors = tuple(msgspec.structs.replace(motor, curve=(), max_hz=motor.max_command) for motor in self.motor)
+        motors = tuple(motor.by_command(motor.max_command) for motor in self.motor)
         return msgspec.structs.replace(self, motor=motors)
 
 

@@ -75,6 +75,10 @@ class JoinedMotors:
         """How long a motor takes, on the slowest line, until its measured frequency is that of the set-point."""
         return max(line.settle_s for line in self._lines)
 
+    def ramp_s(self, gait: Gait) -> float:
+        """Return how long the set-points take from rest to ``gait``, on the slowest line."""
+        return max(line.ramp_s(share) for line, share in zip(self._lines, self._shares(gait), strict=True))
+
     def drive(self, gait: Gait, hold_s: float) -> None:
         """Send each line its part, once all lines can apply theirs. Raises as ``MotorDriver.drive`` does."""
         shares = self._shares(gait)

@@ -64,5 +64,5 @@ class QikLineTable(LineTable, frozen=True, kw_only=True, tag="qik"):
     def remove_curves(self) -> Self:
         """Return the line with a curve by which each motor's frequency is its command."""
         straight = ((1.0, 1.0), (self.max_speed, self.max_speed))
-        motors = tuple(msgspec.structs.replace(motor, curve=straight, max_hz=self.max_speed) for motor in self.motor)
+        motors = tuple(motor.by_command(self.max_speed, straight) for motor in self.motor)
         return msgspec.structs.replace(self, motor=motors)

@@ -84,9 +84,7 @@ class StrutsLineTable(LineTable, frozen=True, kw_only=True, tag="struts"):
         if not self.is_rfduino:
             return super().remove_curves()
         straight = ((float(SLOWEST_BYTE), float(SLOWEST_BYTE)), (float(GREATEST_BYTE), float(GREATEST_BYTE)))
-        motors = tuple(
-            msgspec.structs.replace(motor, curve=straight, max_hz=float(GREATEST_BYTE)) for motor in self.motor
-        )
+        motors = tuple(motor.by_command(float(GREATEST_BYTE), straight) for motor in self.motor)
         return msgspec.structs.replace(self, motor=motors)
 
     def _check_motor(self, motor: StrutTable) -> None:

@@ -27,6 +27,7 @@ _ATTEMPTS, _HELD_UP_S = 3, 0.1
 _REOPENING_S = 10.0  # time for a line to open again after this computer was held up
 _GAP = 3.5  # of the usual time between two poses: what is longer spoils the spectrum
 _LEAST_HZ = 1.0  # slower movement is the robot's walk
+_LEAST_NOISE = 1e-9  # in m or rad, from pose to pose: what is less is rounding, and no movement
 _BINS = 8192
 _SHARE_OF_NYQUIST = 0.96
 _SURE_SHARE = 0.9  # of half the pose rate: up to there no motor is mistaken for a slower one
@@ -76,7 +77,7 @@ class Peak:
 
 
 def record_poses(motors: JoinedMotors, tracker: Tracker, gait: Gait, settle_s: float, duration_s: float) -> list[Pose]:
-    """Drive ``gait`` and return the poses of ``duration_s``, after ``settle_s``. The motors are stopped after it.
+    """Drive ``gait`` and return the poses of ``duration_s``, from ``settle_s`` after its ramp on; then stop the motors.
 
     A recording during which this computer was held up, or the poses had a gap, is discarded and repeated.
 
@@ -96,7 +97,7 @@ def record_poses(motors: JoinedMotors, tracker: Tracker, gait: Gait, settle_s: f
 
 
 def record_states(motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float) -> list[MotorState]:
-    """Drive ``gait`` and return the motors' states of ``duration_s``, after ``settle_s``; see ``record_poses``."""
+    """Drive ``gait`` and return the motors' states of ``duration_s``; see ``record_poses``."""
     return _record(motors, gait, settle_s, duration_s, motors.state)
 
 
@@ -140,16 +141,17 @@ class _Pace:
 def _drive(
     motors: JoinedMotors, gait: Gait, settle_s: float, duration_s: float, look: Callable[[], T], pace: _Pace
 ) -> list[T]:
-    """Drive ``gait``, and look often once it has settled."""
+    """Drive ``gait``, and look often once it has been reached and has settled."""
     seen = []
-    begin_s = next_drive_s = pace.note_pass()
+    next_drive_s = pace.note_pass()
+    look_s = next_drive_s + motors.ramp_s(gait) + settle_s
     try:
-        while (now_s := pace.note_pass()) < begin_s + settle_s + duration_s:
+        while (now_s := pace.note_pass()) < look_s + duration_s:
             if now_s >= next_drive_s:
                 motors.drive(gait, _HOLD_S)
                 motors.state()
                 next_drive_s += _DRIVE_PERIOD_S
-            if now_s >= begin_s + settle_s:
+            if now_s >= look_s:
                 seen.append(look())
             time.sleep(_LOOK_PERIOD_S)
     finally:
@@ -168,7 +170,8 @@ def measure_spectrum(poses: list[Pose]) -> Spectrum:
     seen = np.array([_coordinates(pose, has_markers) for pose in poses])
     even = np.stack([np.interp(grid_s, t_s, column) for column in seen.T], axis=1)
     still = even - np.polynomial.polynomial.polyval(grid_s, np.polynomial.polynomial.polyfit(grid_s, even, 1)).T
-    scaled = still / (np.std(np.diff(still, axis=0), axis=0) + 1e-12)
+    noise = np.std(np.diff(still, axis=0), axis=0)
+    scaled = still * np.where(noise > _LEAST_NOISE, 1.0 / np.maximum(noise, _LEAST_NOISE), 0.0)
     rate_hz = (len(t_s) - 1) / (t_s[-1] - t_s[0])
     amplitude = np.fft.rfft(scaled * np.hanning(len(t_s))[:, None], _BINS, axis=0)
     return Spectrum(np.fft.rfftfreq(_BINS, 1.0 / rate_hz), amplitude)
@@ -184,7 +187,9 @@ def find_peak(seen: Spectrum, low_hz: float, high_hz: float, like: Peak | None =
     within = (seen.frequency_hz >= max(low_hz, _LEAST_HZ)) & (seen.frequency_hz <= high_hz)
     line = int(np.argmax(np.where(within, power, -1.0)))
     shape = seen.amplitude[line] / (np.linalg.norm(seen.amplitude[line]) + 1e-300)
-    return Peak(float(seen.frequency_hz[line]), math.sqrt(power[line] / np.median(power[~walk])), shape)
+    usual = float(np.median(power[~walk]))
+    clarity = math.sqrt(power[line] / usual) if usual > 0.0 else 0.0
+    return Peak(float(seen.frequency_hz[line]), clarity, shape)
 
 
 def _coordinates(pose: Pose, has_markers: bool) -> list[float]:

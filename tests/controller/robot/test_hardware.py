@@ -17,6 +17,7 @@ from vvvaltr.controller.loop.safety import GuardedRobot
 from vvvaltr.controller.loop.trial_runner import TrialSettings, run_trial
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.commissioning.calibrate import Reading, fit_curve, replace_curves
+from vvvaltr.controller.robot.commissioning.vibration import record_states
 from vvvaltr.controller.robot.hardware import HardwareRobot, open_hardware, open_motors
 from vvvaltr.controller.robot.opening import open_rig
 from vvvaltr.controller.robot.robot_file import RobotFile, load_robot_file
@@ -119,18 +120,26 @@ def test_a_calibrated_axis_turns_at_its_greatest_frequency_both_ways_and_no_fast
     assert applied_hz == pytest.approx((greatest_hz / share, -greatest_hz / share, 0.0), abs=1e-3)
 
 
-def test_a_ramp_in_the_file_slows_the_start(odrive: MockProcess) -> None:
-    robot_file = load_robot_file(Path(odrive.greeting.robot_file))
+def with_ramp(robot_file: RobotFile, ramp_hz_s: float) -> RobotFile:
     line = robot_file.line[0]
-    motors = tuple(msgspec.structs.replace(motor, ramp_hz_s=20.0) for motor in line.motor)
-    robot_file = msgspec.structs.replace(robot_file, line=(msgspec.structs.replace(line, motor=motors),))
+    motors = tuple(msgspec.structs.replace(motor, ramp_hz_s=ramp_hz_s) for motor in line.motor)
+    return msgspec.structs.replace(robot_file, line=(msgspec.structs.replace(line, motor=motors),))
 
-    with closing(open_hardware(robot_file)) as robot:
+
+def test_a_ramp_in_the_file_slows_the_start(odrive: MockProcess) -> None:
+    with closing(open_hardware(with_ramp(load_robot_file(Path(odrive.greeting.robot_file)), 20.0))) as robot:
         begun_s = time.monotonic()
         hold(robot, Gait((10.0, 10.0, 10.0)), 0.7)
 
     rising = [status for status in odrive.statuses if begun_s < status.t_s < begun_s + 0.5]
     assert all(status.applied_hz[0] <= 20.0 * (status.t_s - begun_s) + 0.5 for status in rising)
+
+
+def test_a_motor_that_starts_slowly_is_measured_once_its_ramp_is_over(odrive: MockProcess) -> None:
+    with closing(open_hardware(with_ramp(load_robot_file(Path(odrive.greeting.robot_file)), 15.0))) as robot:
+        states = record_states(robot.motors, Gait((0.0, 12.0, 0.0)), settle_s=0.3, duration_s=0.1)
+
+    assert [state.frequency_hz[1] for state in states] == pytest.approx([12.0] * len(states), abs=0.5)
 
 
 def test_without_a_tracker_the_robot_does_not_open(robot_file: RobotFile) -> None:

@@ -268,6 +268,13 @@ def test_to_calibrate_commands_take_the_place_of_frequencies(path: Path) -> None
     assert bare.limits.max_hz == (127.0, 127.0, 20.0)
 
 
+def test_to_calibrate_a_ramp_is_as_steep_in_commands_as_it_is_in_hz(path: Path) -> None:
+    bare = remove_curves(load_robot_file(written(path, GOOD.replace("max_hz = ", "ramp_hz_s = 4.0\nmax_hz = "))))
+
+    ramps = [motor.ramp_hz_s for motor in bare.motors]
+    assert ramps == pytest.approx([4.0 * 127 / 16, 4.0 * 118.93 / 15, 4.0], rel=1e-4)
+
+
 def test_a_curve_rises_and_what_was_not_seen_is_taken_from_the_former_one_in_proportion() -> None:
     seen = [Reading(0, c, hz) for c, hz in ((127.0, 16.0), (100.0, 12.0), (70.0, 12.5), (50.0, float("nan")))]
 

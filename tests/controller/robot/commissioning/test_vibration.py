@@ -63,6 +63,12 @@ def test_a_look_during_which_the_program_was_held_up_is_made_again(robot: Hardwa
     assert seen_hz(poses) == pytest.approx(12.0, abs=0.5)
 
 
+def test_where_nothing_moves_there_is_no_vibration() -> None:
+    still = [Pose(0.02 * number, (0.1, 0.2, 0.037), 0.3) for number in range(80)]
+
+    assert find_peak(measure_spectrum(still), 2.0, 25.0).clarity == 0.0
+
+
 def test_a_look_in_which_the_tracker_paused_is_made_again(robot: HardwareRobot, qik: MockProcess) -> None:
     begin_s = time.monotonic()
     pauses = (
