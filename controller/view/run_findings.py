@@ -75,7 +75,7 @@ class RunFindings:
         config: what it was asked to do; None where nobody learned in it.
         space: gaits that it searched, or that its trials span; None where they are all one.
         optimizer: told all trials; None for trials that no search made.
-        ranked: the most promising gaits, the best first, with what is believed of their mean speeds.
+        ranked: the recommended gait and other promising ones, with what is believed of their mean speeds.
         left_out: leave-one-out predictions; None for too few trials.
     """
 
@@ -116,11 +116,12 @@ def find_in_run(path: Path) -> RunFindings:
 
 
 def _rank(optimizer: Optimizer, valid: Sequence[LoggedTrial]) -> tuple[tuple[Gait, Estimate], ...]:
-    """Return the recommended gait, then others that are promising and are not almost the same."""
+    """Return the recommended gait, then others that are promising and not almost the same, the fastest first."""
     recommendation = valid[-1].recommendation
     first = [] if recommendation is None else [(recommendation.gait, recommendation.estimate)]
-    gaits = [gait for gait in optimizer.promising(4) if not first or gait != first[0][0]]
-    return (*first, *zip(gaits, optimizer.predict(gaits), strict=True))[:4] if gaits else tuple(first)
+    gaits = [gait for gait in optimizer.promising(4) if not first or gait != first[0][0]][: 4 - len(first)]
+    others = zip(gaits, optimizer.predict(gaits), strict=True) if gaits else ()
+    return (*first, *sorted(others, key=lambda it: it[1].mean, reverse=True))
 
 
 def _leave_each_out(space: GaitSpace, valid: Sequence[LoggedTrial]) -> LeftOut | None:

@@ -70,18 +70,19 @@ def _head(found: RunFindings, title: str) -> Iterator[str]:
     if others:
         rows = [(f"{place}", _write_hz(it), *_write_bounds(of)) for place, (it, of) in enumerate(found.ranked, 1)]
         yield write_table(
-            "The most promising gaits, and what the model believes of their mean speeds",
+            "The recommended gait and other promising ones, and what the model believes of their mean speeds",
             ("place", "gait (Hz)", "mean (mm/s)", "95 % interval (mm/s)"),
             rows,
         )
 
 
 def _compare(best: Estimate, others: list[tuple[Gait, Estimate]]) -> str:
-    """Return in words how the best gait compares with the second best."""
+    """Return in words how the recommended gait compares with the fastest other."""
     if not others:
         return "The model names no second gait."
     gait, second = others[0]
-    lead = f"The second best, {_write_hz(gait)} Hz, is expected to be {_mm_s(best.mean - second.mean)} mm/s slower"
+    how = f"{_mm_s(abs(best.mean - second.mean))} mm/s {'slower' if second.mean <= best.mean else 'faster'}"
+    lead = f"The next one, {_write_hz(gait)} Hz, is expected to be {how}"
     if best.low > second.high:
         return f"{lead}. The two intervals do not overlap: the order is clear."
     return f"{lead}. The two intervals overlap: repeat both (--confirm 2x5) before relying on their order."

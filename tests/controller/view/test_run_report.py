@@ -8,6 +8,7 @@ import shlex
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
+from unittest.mock import Mock
 
 import msgspec
 import numpy as np
@@ -20,13 +21,13 @@ from vvvaltr.controller.cli.main import main, make_parser
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.records import AppliedFrequencies, LoggedTrial, Run
-from vvvaltr.controller.core.values import Outcome
+from vvvaltr.controller.core.values import Estimate, Outcome, Recommendation
 from vvvaltr.controller.runs.config import load_config
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
 from vvvaltr.controller.view.commands import write_learn_command, write_trial_command
 from vvvaltr.controller.view.run_figures import draw_motors
-from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, _leave_each_out, find_in_run
-from vvvaltr.controller.view.run_report import write_run_report
+from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, _leave_each_out, _rank, find_in_run
+from vvvaltr.controller.view.run_report import _compare, write_run_report
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +82,8 @@ def test_it_tells_gait_interval_rival_transfer_and_what_made_it(runs: Path, tmp_
     found = find_in_run(runs / "hills")
     (gait, estimate), (_, second), *_ = found.ranked
     assert f"{1000 * estimate.low:.1f} to {1000 * estimate.high:.1f} mm/s" in text
-    assert f"is expected to be {1000 * (estimate.mean - second.mean):.1f} mm/s slower" in text
+    how = "slower" if second.mean <= estimate.mean else "faster"
+    assert f"is expected to be {1000 * abs(estimate.mean - second.mean):.1f} mm/s {how}" in text
     assert write_trial_command(gait, "planar", found.config) in text
     assert "--world hills" in write_trial_command(gait, "planar", found.config)
     assert str(runs / "flat") in text
@@ -159,6 +161,21 @@ def smooth_trials(count: int, drift: float = 0.0, noise: float = 0.001) -> list[
         logged = logged_trial(number, poses=2)
         trials.append(replace(logged, trial=replace(logged.trial, gait=Gait((first, second))), score=score))
     return trials
+
+
+def test_the_gaits_below_the_recommended_one_come_by_what_is_expected_of_them() -> None:
+    speeds_m_s = {Gait((hz,)): Estimate(hz / 1000.0, 0.0, 0.1) for hz in (14.0, 9.0, 21.0, 7.0)}
+    optimizer = Mock(promising=lambda count: tuple(speeds_m_s)[:count])
+    optimizer.predict = lambda gaits: [speeds_m_s[gait] for gait in gaits]
+    (recommended, *_) = speeds_m_s
+    last = replace(logged_trial(1), recommendation=Recommendation(recommended, speeds_m_s[recommended]))
+
+    ranked = _rank(optimizer, [last])
+
+    assert [gait.frequency_hz[0] for gait, _ in ranked] == [14.0, 21.0, 9.0, 7.0]
+    (_, best), *others = ranked
+    assert "21.00 Hz, is expected to be 7.0 mm/s faster. The two intervals overlap" in _compare(best, others)
+    assert "9.00 Hz, is expected to be 5.0 mm/s slower. The two intervals overlap" in _compare(best, others[1:])
 
 
 def test_each_of_many_motors_is_drawn_with_a_mark_of_its_own(tmp_path: Path) -> None:
