@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from argparse import ArgumentParser, Namespace
+from collections import Counter
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,7 +64,8 @@ def _execute(arguments: Namespace) -> Answer:
         raise KeyboardInterrupt(f"{interrupt}; the run is saved, continue it by --resume {run.run.path}") from None
     finally:
         result = describe(run.repertoire)
-        run.run.summarise({"run": str(run.run.path), **result})
+        outcomes = dict(Counter(logged.trial.outcome.value for logged in run.run.trials))
+        run.run.summarise({"run": str(run.run.path), "outcomes": outcomes, **result})
     return _answer(run.run.path, result, run.repertoire, arguments.picture)
 
 

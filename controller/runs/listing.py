@@ -25,7 +25,7 @@ class State(StrEnum):
     COMPLETE = "complete"
     RUNNING = "running"  # a process is writing its log
     STOPPED = "stopped"  # before its last trial
-    ASKED = "by hand"  # trials that a person asked for, or imported ones: there is no number to reach
+    ASKED = "by hand"  # trials that a person asked for, imported or put together: there is no number to reach
     UNREADABLE = "unreadable"
 
 
@@ -78,7 +78,7 @@ def describe_run(path: Path) -> Listed:
         config, summary = _read_toml(path / _CONFIG), _read_json(path / _SUMMARY)
         robot, best = _table(config, "robot"), _table(summary, "recommended")
         valid = sum(_table(summary, "outcomes").get(name, 0) for name in ("completed", "cut_short"))
-        trials, wanted = _number(summary.get("trials")), _number(config.get("trials"))
+        trials, wanted = _number(summary.get("trials", summary.get("primitives"))), _find_wanted(config)
         observed_m_s = _number(_table(summary, "best_observed").get("score_m_s"))
         return Listed(
             path,
@@ -91,7 +91,7 @@ def describe_run(path: Path) -> Listed:
             observed_m_s,
             tuple(map(str, config.get("sources", ()))),
             _date(path),
-            _find_state(path, wanted, valid),
+            _find_state(path, wanted, valid, summary.get("reached")),
         )
     except (
         OSError,
@@ -113,9 +113,19 @@ def _number(value: Any) -> float | None:
     return None if value is None else float(value)
 
 
-def _find_state(path: Path, wanted: float | None, valid: int) -> State:
+def _find_wanted(config: Mapping[str, Any]) -> float | None:
+    """Return the number of valid trials to make; None where no number of trials ends a run."""
+    method = config.get("method")
+    is_put_together = method == "repertoire" and bool(config.get("sources"))
+    return None if method in ("go", "jog") or is_put_together else _number(config.get("trials"))
+
+
+def _find_state(path: Path, wanted: float | None, valid: int, has_arrived: bool | None) -> State:
+    """Return how far a run is; ``has_arrived`` says whether one that goes somewhere is there, None for any other."""
     if _is_locked(path / _LOG):
         return State.RUNNING
+    if has_arrived is not None:
+        return State.COMPLETE if has_arrived is True else State.STOPPED
     if wanted is None:
         return State.ASKED
     return State.COMPLETE if valid >= wanted else State.STOPPED

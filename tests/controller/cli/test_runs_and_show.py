@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sample_run import sample_run
@@ -70,6 +71,30 @@ def test_a_run_whose_log_is_open_is_running_and_one_that_ended_early_is_stopped(
             assert describe_run(runs / "flat").state is State.RUNNING
     finally:
         (runs / "flat" / "run.toml").write_text(config)
+
+
+@pytest.mark.parametrize(
+    ("config", "summary", "trials", "wanted", "state"),
+    [
+        ('method = "repertoire"\ntrials = 12', {"trials": 12, "outcomes": {"completed": 12}}, 12, 12, State.COMPLETE),
+        ('method = "repertoire"\ntrials = 12', {"trials": 9, "outcomes": {"completed": 9}}, 9, 12, State.STOPPED),
+        ('method = "repertoire"\ntrials = 12\nsources = ["a"]', None, None, None, State.ASKED),
+        ('method = "go"\ntrials = 1', {"reached": True, "primitives": 7}, 7, None, State.COMPLETE),
+        ('method = "go"\ntrials = 1', {"reached": False, "primitives": 7}, 7, None, State.STOPPED),
+        ('method = "jog"\ntrials = 1', {"trials": 3}, 3, None, State.ASKED),
+    ],
+)
+def test_runs_that_steer_are_complete_by_what_they_are_made_for(
+    tmp_path: Path, config: str, summary: dict[str, Any] | None, trials: int | None, wanted: int | None, state: State
+) -> None:
+    (tmp_path / "run.toml").write_text(config)
+    (tmp_path / LOG_NAME).touch()
+    if summary is not None:
+        (tmp_path / "summary.json").write_text(json.dumps(summary))
+
+    listed = describe_run(tmp_path)
+
+    assert (listed.trials, listed.wanted, listed.state) == (trials, wanted, state)
 
 
 @pytest.mark.parametrize("text", ["trials = [", "[1]", "robot = 3", "\xff"])
