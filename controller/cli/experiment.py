@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import TWINS, heading_limit, method_details, number, whole
 from vvvaltr.controller.cli.parser import Details
-from vvvaltr.controller.cli.telling import bar
+from vvvaltr.controller.cli.telling import bar, counted
 from vvvaltr.controller.core.errors import NotUnderstood
 from vvvaltr.controller.core.spelling import unknown
 
@@ -118,12 +118,14 @@ def _prose(found: Sequence[PairFindings], out: Path) -> str:
     lines = ["true mean speed of the recommended gait after the last trial, compared with Plain-BO; p after Holm"]
     for it in found:
         speed_mm_s = 1000.0 * it.plain.runs.mean_true_m_s[-1]
-        lines.append(f"{it.pair.key}: {it.pair.title}; {it.repeats} repeats; Plain-BO {speed_mm_s:.1f} mm/s")
+        repeats = counted(it.repeats, "repeat")
+        lines.append(f"{it.pair.key}: {it.pair.title}; {repeats}; Plain-BO {speed_mm_s:.1f} mm/s")
         for name, method in it.methods.items():
             if name != "plain":
                 end = method.against_plain[-1]
                 interval = f"{end.interval_percent.low:+.0f} to {end.interval_percent.high:+.0f} %"
-                lines.append(f"  {name:12} {end.gain_percent:+6.1f} % ({interval})  p {method.p_holm[-1]:.3f}")
+                sure = f"({interval})  p {method.p_holm[-1]:.3f}" if it.repeats > 1 else "(one repeat has no interval)"
+                lines.append(f"  {name:12} {end.gain_percent:+6.1f} % {sure}")
     return "\n".join([*lines, f"figures: vvvaltr report {out}"])
 
 

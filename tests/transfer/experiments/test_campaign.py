@@ -17,7 +17,9 @@ from vvvaltr.transfer.experiments.campaign import list_checkpoints, list_transfe
 from vvvaltr.transfer.experiments.cluster import cluster
 from vvvaltr.transfer.experiments.findings import as_json, gather_findings, holds
 from vvvaltr.transfer.experiments.report import to_markdown, write_report
+from vvvaltr.transfer.experiments.statistics import measure_gain
 from vvvaltr.transfer.experiments.store import Store
+from vvvaltr.transfer.experiments.tables import gain_text
 from vvvaltr.transfer.experiments.thesis import BODIES, GROUPS, find_pairs, list_pairs
 from vvvaltr.transfer.experiments.unit import Result, Settings, Step, Truth, open_condition, work
 
@@ -305,6 +307,13 @@ def test_what_no_method_was_run_for_has_no_table(campaign: Store) -> None:
 
     assert "thesis" in to_markdown(found).split("###")[0]
     assert to_markdown([control]).startswith("### Experiment 1:")
+
+
+def test_the_gain_of_a_single_repeat_has_no_interval() -> None:
+    draws = np.random.default_rng(0)
+
+    assert gain_text(measure_gain(np.array([1.1]), np.array([1.0]), draws)) == "+10 % [one repeat has no interval]"
+    assert "[+" in gain_text(measure_gain(np.array([1.1, 2.4]), np.array([1.0, 2.0]), draws))
 
 
 def test_every_registered_method_is_compared() -> None:
