@@ -12,9 +12,10 @@ import numpy as np
 from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
 from vvvaltr.controller.core.records import Displacement, LoggedTrial, SteeringStep
-from vvvaltr.controller.core.values import Outcome, Pose, Structure, Suggestion
+from vvvaltr.controller.core.values import Outcome, Pose, Structure, Suggestion, Trial
 from vvvaltr.controller.loop.causes import describe_loss, find_loss_in
 from vvvaltr.controller.loop.movement import NO_HEADING, complete_record, lacks_heading
+from vvvaltr.controller.loop.plausibility import PoseFilter
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.steersman import Onward, Steersman, Watch, primitive_settings
 from vvvaltr.controller.loop.thinking import AtOnce, Thinking
@@ -259,15 +260,35 @@ class Journey:
             self._reason = f"{self._failures} primitives in a row failed; the last one: {trial.outcome}: {trial.reason}"
         self._steersman.learn(trial)
         try:
-            self._last = self._robot.tracker.pose()
-            if self._goals[self._reached].is_reached(where(self._last)):
-                self._robot.clock.sleep(self._settings.rest_s)
-                self._last = self._robot.tracker.pose()
+            self._see(trial)
         except TrackingLost as lost:
-            self._last = trial.poses[-1] if trial.poses else self._last
+            self._last = trial.poses[-1] if trial.outcome.is_valid else self._last
             self._failures += 1
             if self._failures >= _FAILURES_IN_A_ROW:
                 self._reason = f"the tracker has lost the robot: {lost}"
+
+    def _see(self, trial: Trial) -> None:
+        """See where a drive has led. Raises TrackingLost where nothing is seen that can be the robot."""
+        if trial.poses:
+            self._check_near(self._last, trial.poses[0])
+        self._last = self._pose_near(trial.poses[-1] if trial.poses else self._last)
+        if self._goals[self._reached].is_reached(where(self._last)):
+            self._robot.clock.sleep(self._settings.rest_s)
+            self._last = self._pose_near(self._last)
+
+    def _pose_near(self, before: Pose) -> Pose:
+        pose = self._robot.tracker.pose()
+        self._check_near(before, pose)
+        return pose
+
+    def _check_near(self, before: Pose, pose: Pose) -> None:
+        """Raise TrackingLost if a robot at rest cannot have come from one pose to the other."""
+        if (limits := self._settings.plausibility) is not None:
+            seen = PoseFilter(limits)
+            seen.accepts(before, motors_turn=False)
+            if not seen.accepts(pose, motors_turn=False):
+                away_m = math.dist(pose.position_m, before.position_m)
+                raise TrackingLost(f"it was shown {away_m:.2g} m from where it had come to rest")
 
     def _is_stuck(self) -> bool:
         recent, driven_s = [], 0.0

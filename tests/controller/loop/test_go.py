@@ -210,6 +210,24 @@ def test_a_tracker_without_a_heading_is_told_after_the_first_primitive(repertoir
     assert ending.reason.startswith("the tracker tells no heading: ")
 
 
+class Unseen(GlidingRobot):
+    """A robot whose tracker shows zeros once it has stopped for the first time, as of a body that it does not see."""
+
+    has_driven = False
+
+    def pose(self) -> Pose:
+        self.has_driven = self.has_driven or self.is_running
+        return Pose(self.t_s, (0.0, 0.0, 0.0)) if self.has_driven and not self.is_running else super().pose()
+
+
+def test_a_pose_to_which_the_robot_cannot_have_come_does_not_reach_a_goal(repertoire: Repertoire) -> None:
+    ending, _ = sent(Unseen(x_m=0.3, y_m=0.1), repertoire, Goal(0.0, 0.0))
+
+    assert not ending.reached
+    assert ending.reason.startswith("the tracker has lost the robot")
+    assert math.hypot(*ending.position_m) > 0.2
+
+
 def test_an_interrupt_is_recorded_and_ends_the_way(repertoire: Repertoire) -> None:
     def interrupt(robot: GlidingRobot) -> None:
         if robot.t_s > 2.0:
