@@ -131,11 +131,12 @@ def _is_mixed(spectrum: _Spectrum, line: _Line, others: Sequence[_Line]) -> bool
 def _measure(poses: Sequence[Pose]) -> _Spectrum | None:
     """Return the spectrum of a drive once the motors have spun up; None where it is too short or too slow."""
     begin_s = max(_SPUN_UP_S, poses[-1].t_s - _MOST_S) if poses else 0.0
-    seen = [pose for pose in poses if pose.t_s >= begin_s and pose.is_finite]
+    late = (pose for pose in poses if pose.t_s >= begin_s and pose.is_finite)
+    seen = list({pose.t_s: pose for pose in late}.values())  # what was read twice, of a slow tracker, counts once
     times_s = np.array([pose.t_s for pose in seen])
     if len(seen) < 2 or times_s[-1] - times_s[0] < _LEAST_S:
         return None
-    rate_hz = 1.0 / float(np.median(np.diff(times_s)))
+    rate_hz = 1.0 / max(float(np.median(np.diff(times_s))), 1e-9)
     if not LEAST_RATE_HZ <= rate_hz < 1e4:
         return None
     angles_rad = np.unwrap([(pose.yaw_rad, pose.pitch_rad, pose.roll_rad) for pose in seen], axis=0)

@@ -43,6 +43,13 @@ def test_a_motor_beyond_half_the_trackers_rate_is_seen_where_its_line_folds_to()
     assert find_turning(shake([20.0, 13.0]), (20.0, 62.0, 13.0)) == (True, False, True)
 
 
+def test_a_pose_that_was_read_twice_counts_once():
+    poses = shake([20.0, 13.0], rate_hz=60.0)
+
+    assert find_turning([pose for pose in poses for _ in range(3)], GAIT_HZ) == find_turning(poses, GAIT_HZ)
+    assert find_turning(poses, GAIT_HZ)[1] is False
+
+
 def test_of_a_long_drive_the_end_is_looked_at_in_little_memory():
     at_first, at_last = shake([20.0, 31.0, 13.0], duration_s=40.0), shake([20.0, 13.0], duration_s=60.0)
     poses = at_first + [pose for pose in at_last if pose.t_s > 39.995]
@@ -74,6 +81,11 @@ def test_nearly_equal_motors_are_told_together():
         ("a robot at rest: nothing shows that the tracker would see it", shake([])),
         ("a motor that turns a tenth slower than commanded", shake([20.0, 27.9, 13.0])),
         ("no poses", []),
+        (
+            "a tracker of 10 Hz, each of whose poses is read ten times",
+            np.repeat(shake([20.0, 13.0], 10.0), 10).tolist(),
+        ),
+        ("a clock that goes back and forth", shake([20.0, 13.0])[::-1] + shake([20.0, 13.0])),
     ],
 )
 def test_where_it_cannot_be_told_nothing_is_told(why, poses):
