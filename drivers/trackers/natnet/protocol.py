@@ -9,6 +9,7 @@ Every count is bounded by what is left of the datagram, and a frame must end whe
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -189,6 +190,8 @@ def frame_in(content: bytes, version: Version) -> Frame:
     for _ in ("force plates", "devices"):
         _pass_section(reader, version, lambda devices: devices.each(_pass_device, 2 * COUNT.size))
     _, _, t_s, exposure_ticks, _, _ = STAMPS.unpack(reader.skip(STAMPS.size))
+    if not math.isfinite(t_s):
+        raise ValueError(f"a frame whose time is {t_s}")
     if version >= SIZED:
         reader.skip(PRECISE_STAMPS.size)
     (flags,) = FLAGS.unpack(reader.skip(FLAGS.size))

@@ -1,5 +1,6 @@
 """NatNet's datagrams, as the stand-in for Motive builds them from the same tables of sections."""
 
+import math
 import struct
 
 import pytest
@@ -36,6 +37,12 @@ def test_a_frame_tells_its_rigid_bodies_times_and_flags(version):
     assert (seen.t_s, seen.exposure_ticks) == (12.5, 12.25 * mock.CLOCK_HZ)
     assert not seen.models_changed
     assert frame_in(frame(version, models_changed=True), version).models_changed
+
+
+@pytest.mark.parametrize("t_s", [math.nan, math.inf])
+def test_a_frame_whose_time_is_no_number_is_refused(t_s):
+    with pytest.raises(ValueError, match="a frame whose time is"):
+        frame_in(mock.frame(7, BODIES, t_s, 0.0, (3, 0)), (3, 0))
 
 
 @pytest.mark.parametrize("version", VERSIONS)
