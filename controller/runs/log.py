@@ -271,16 +271,21 @@ def find_trial_span_ns(trial: Trial, after_ns: int) -> tuple[int, int]:
     """Return where a trial begins and ends in its log, in nanoseconds since 1970.
 
     A twin runs faster than real time, so that the trials of a run would overlap: a trial begins at its wall time or at
-    the end of the last one (``after_ns``), whichever is later.
+    the end of the last one (``after_ns``), whichever is later. Nothing in it is before 1970, whatever the clock shows.
     """
-    begin_ns = max(nanoseconds(trial.started_unix_s), after_ns)
     recorded: Iterable[Pose | Command | MotorState | Photo] = (
         *trial.poses,
         *trial.commands,
         *trial.states,
         *trial.photos,
     )
-    return begin_ns, begin_ns + nanoseconds(max((trial.duration_s, *(each.t_s for each in recorded))))
+    times_s = (
+        0.0,
+        trial.duration_s,
+        *(each.t_s for each in recorded),
+    )  # a tracker's first pose is older than the drive
+    begin_ns = max(nanoseconds(trial.started_unix_s), after_ns, -nanoseconds(min(times_s)))
+    return begin_ns, begin_ns + nanoseconds(max(times_s))
 
 
 def read_run(path: Path, recordings: bool = True) -> Run:

@@ -9,6 +9,7 @@ import resource
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -160,8 +161,12 @@ def test_a_log_whose_folder_is_deleted_takes_no_further_trial(log: Path) -> None
 def test_a_clock_before_1970_is_no_obstacle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "time_ns", lambda: -86_400 * 10**9)
     logged = sample_run().trials[0]
+    first, *later = logged.trial.poses
+    poses = (replace(first, t_s=-0.02), *later)
+    logged = replace(logged, trial=replace(logged.trial, started_unix_s=-86_400.0, poses=poses))
 
     with RunLog.create(tmp_path / LOG_NAME, None) as made:
         made.append(logged)
 
-    assert read_run(tmp_path).trials == (logged,)
+    (read,) = read_run(tmp_path).trials
+    assert (read.trial.started_unix_s, read.trial.poses) == (-86_400.0, poses)
