@@ -4,7 +4,7 @@ The logarithm of a trial's speed is a gait's own value, which is smooth over the
 noise, plus a step at an unknown trial T. All of it is Gaussian, and the step is integrated out exactly for every T; the
 sizes of walk and noise are averaged over a grid by their evidence. Steps up compete with steps down but are neither
 told nor corrected for: a search that finds better gaits looks like one. Trials far below what all others say of their
-gait are left out: a motor stood still. So are gaits that beat, unless most do: chance decides what they do.
+gait are left out: a motor stood still. Gaits that beat say little beside others: chance decides what they do.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ _NOISES, _WALKS, _GAITS = (0.05, 0.1, 0.2, 0.4, 0.8), (0.0, 0.02, 0.05), (0.4, 1
 _GRID = np.array(list(product(_NOISES, _WALKS, _GAITS)))  # (grid, 3)
 _MEAN_SD = 2.0  # of the logarithm, of all gaits together
 _LENGTH = 0.5  # over which gaits are alike, in the unit cube's sides
+_BEATING = 50.0  # noise variance of gaits that beat, in units of that of others: of the logarithm, 7 times the scatter
 _FAR_BELOW = -1.4  # of the logarithm against what the other trials predict: a quarter, where a step is a half
 _LEAST_SHARE = 1e-3  # probability below which sizes of noise, walk and gaits are left out
 _ROOM = 10  # rows that roots get room for beyond those that they need
@@ -77,7 +78,7 @@ class StrengthLearner:
 
     def __init__(self) -> None:
         self._kept: list[int] = []
-        self._places = np.zeros((0, 0))
+        self._seen = np.zeros((0, 0))  # their places and scatter
         self._roots = _Roots.empty(0)
         self._logs: dict[int, Array] = {}
 
@@ -110,21 +111,22 @@ class StrengthLearner:
 
         It is 0 while the loss is not told.
         """
-        kept = np.flatnonzero(~_stood(places, speeds) & (speeds > 0.0) & ~_beat(places))
+        kept = np.flatnonzero(~_stood(places, speeds) & (speeds > 0.0))
         for _ in range(2):
             if len(kept) < 4:
                 return None
             logs = np.log(speeds[kept] + _LEAST * np.median(speeds[kept]))
             y = logs - logs.mean()
+            scatter = _scatter(places[kept])
             distance = np.sqrt(((places[kept][:, None] - places[kept][None, :]) ** 2).sum(axis=2))
-            good = _is_no_outlier(y, distance)
+            good = _is_no_outlier(y, distance, scatter)
             if good.all():
                 break
-            kept, y, distance = kept[good], y[good], distance[np.ix_(good, good)]
+            kept, y, scatter, distance = kept[good], y[good], scatter[good], distance[np.ix_(good, good)]
         if len(kept) < 4:
             return None
         walks = np.minimum(kept[:, None], kept[None, :]).astype(float)
-        roots = self._root(kept.tolist(), places[kept], distance, walks)
+        roots = self._root(kept.tolist(), places[kept], scatter, distance, walks)
         weighed = _weigh(roots, y)
         at = int(weighed.downs.sum(axis=0).argmax())
         weights = weighed.downs[:, at] / max(weighed.downs[:, at].sum(), 1e-300)
@@ -134,11 +136,12 @@ class StrengthLearner:
         change = _expect_change(roots.inverse, y, walks, weighed)
         return loss, np.interp(np.arange(len(speeds)), kept, change - change[0])
 
-    def _root(self, kept: list[int], places: Array, distance: Array, walks: Array) -> _Roots:
+    def _root(self, kept: list[int], places: Array, scatter: Array, distance: Array, walks: Array) -> _Roots:
         """Return the inverse roots of the covariances, row by row beyond what is the same as before."""
         pairs = zip(kept, self._kept, strict=False)
         same = next((i for i, (one, other) in enumerate(pairs) if one != other), min(len(kept), len(self._kept)))
-        if not np.array_equal(places[:same], self._places[:same]):
+        seen = np.column_stack([places, scatter])
+        if not np.array_equal(seen[:same], self._seen[:same]):
             same = 0
         if len(kept) > self._roots.inverse.shape[1]:
             self._roots = self._roots.with_room(len(kept) + _ROOM)
@@ -147,11 +150,11 @@ class StrengthLearner:
         for row in range(same, len(kept)):
             before = self._roots.of(row).inverse
             covariance = gaits[:, None] ** 2 * likeness[row, :row] + walk[:, None] ** 2 * walks[row, :row] + _MEAN_SD**2
-            variance = gaits**2 + walk**2 * walks[row, row] + _MEAN_SD**2 + noise**2
+            variance = gaits**2 + walk**2 * walks[row, row] + _MEAN_SD**2 + noise**2 * scatter[row]
             explained = (before @ covariance[:, :, None])[:, :, 0]
             left = np.sqrt(variance - (explained**2).sum(axis=1))
             self._roots.put(row, -(explained[:, None, :] @ before)[:, 0, :] / left[:, None], 1.0 / left)
-        self._kept, self._places = kept, places.copy()
+        self._kept, self._seen = kept, seen
         return self._roots.of(len(kept))
 
 
@@ -238,18 +241,18 @@ def _expect_change(roots: Array, y: Array, walks: Array, weighed: _Weighed) -> A
     return np.asarray((_GRID[at, 1] ** 2) @ pulled @ walks + fallen.sum(axis=0))
 
 
-def _is_no_outlier(y: Array, distance: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def _is_no_outlier(y: Array, distance: Array, scatter: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Return which trials are not far below what the others predict of them."""
-    covariance = np.exp(-distance / _LENGTH) + 1.0 + np.diag(np.full(len(y), 0.2**2))
+    covariance = np.exp(-distance / _LENGTH) + 1.0 + np.diag(0.2**2 * scatter)
     inverse = np.linalg.inv(covariance)
     return np.asarray((inverse @ y) / inverse.diagonal() > _FAR_BELOW)
 
 
-def _beat(places: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Return which gaits beat, each in units of its own fastest motor; none where more of them beat than do not."""
+def _scatter(places: Array) -> Array:
+    """Return the noise variance (n,) of each trial, in units of that of gaits that do not beat, if any does not."""
     fastest = np.abs(places).max(axis=1, keepdims=True)
     beats = beat(places / np.maximum(fastest, 1e-12))
-    return np.asarray(beats & (2 * beats.sum() <= len(beats)))
+    return np.where(beats & ~beats.all(), _BEATING, 1.0)
 
 
 def _stood(places: Array, speeds: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
