@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 import tomli_w
 
+from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.disk import make_own_folder, read_bytes, read_text, write_whole
 from vvvaltr.controller.core.document import parse_toml
 from vvvaltr.controller.core.errors import UserError
@@ -17,6 +18,7 @@ from vvvaltr.transfer.experiments.unit import Result, Settings, Step, Truth, Uni
 
 _OPTIONS = {"duration_s": "--duration", "most_trials": "--trials", "heading_limit_rad": "--heading-limit"}
 _FORMER = {"scatter": "frequency", "heading_limit_rad": 1.0}  # of campaigns that do not name theirs
+_MOTORS, _GREATEST_HZ = 3, 1e5  # of the experiments' bodies
 _ENCODER = msgspec.json.Encoder()
 _DECODER = msgspec.json.Decoder(Step | Truth)
 
@@ -105,3 +107,9 @@ def _check_whole(result: Result, unit: Unit) -> None:
         truth.speeds_m_s for truth in result.truths
     ):
         raise ValueError(f"it does not hold the true speeds after trials {', '.join(map(str, unit.checkpoints))}")
+    gaits = [gait_hz for step in result.steps for gait_hz in (step.gait_hz, step.recommended_hz)]
+    if any(len(gait_hz) != _MOTORS or max(map(abs, gait_hz)) > _GREATEST_HZ for gait_hz in gaits):
+        raise ValueError("it holds a gait that no twin has")
+    speeds_m_s = [step.score_m_s for step in result.steps] + [it for true in result.truths for it in true.speeds_m_s]
+    if any(abs(speed_m_s) > GREATEST_SPEED_M_S for speed_m_s in speeds_m_s):
+        raise ValueError("it holds a speed that no robot has")

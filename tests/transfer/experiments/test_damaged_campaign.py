@@ -65,8 +65,21 @@ def test_damaged_settings_are_to_be_restored(
         (lambda text: text.rstrip("\n").rsplit("\n", 1)[0], "true speeds after trials 5"),
         (lambda text: text.replace("[0.1,0.2]", "[]"), "true speeds after trials 5"),
         (lambda text: text[:-20], "truncated"),
+        (lambda text: text.replace("[9.0,9.0,9.0]", "[9.0,9.0]", 1), "a gait that no twin has"),
+        (lambda text: text.replace("[9.0,9.0,9.0]", "[9.0,9.0,1e300]", 1), "a gait that no twin has"),
+        (lambda text: text.replace("[0.1,0.2]", "[1e308,1e308]"), "a speed that no robot has"),
     ],
-    ids=["empty", "doubled", "without its first line", "without its last line", "no speeds", "torn"],
+    ids=[
+        "empty",
+        "doubled",
+        "without its first line",
+        "without its last line",
+        "no speeds",
+        "torn",
+        "two motors",
+        "fast",
+        "absurd",
+    ],
 )
 def test_a_result_that_is_not_whole_is_to_be_made_again(store: Store, change: object, said: str) -> None:
     path = next(store.folder.rglob("*.jsonl"))
