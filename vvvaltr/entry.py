@@ -10,7 +10,7 @@ import io
 import os
 import sys
 
-_NAMES = {_signal.SIGINT: "SIGINT", _signal.SIGTERM: "SIGTERM", _signal.SIGHUP: "SIGHUP", _signal.SIGALRM: ""}
+_NAMES = {getattr(_signal, name): name for name in ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP")} | {_signal.SIGALRM: ""}
 _INTERRUPTED = 130
 
 

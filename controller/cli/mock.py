@@ -158,7 +158,7 @@ class _EndingSignal:
 
     def __init__(self) -> None:
         self._is_set = False
-        for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for ending in (signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(ending, self._set)
 
     def __call__(self) -> bool:

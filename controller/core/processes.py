@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 
+_OF_THE_TERMINAL = (signal.SIGINT, signal.SIGQUIT)
+
 
 @contextmanager
 def processes(jobs: int) -> Iterator[Executor]:
@@ -28,7 +30,7 @@ def processes(jobs: int) -> Iterator[Executor]:
 
 def _start(executor: Executor) -> None:
     """Start all processes with signals blocked, which they inherit: Ctrl-C must not end one that is still importing."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _OF_THE_TERMINAL)
     try:
         executor.submit(int)
     finally:
@@ -37,7 +39,8 @@ def _start(executor: Executor) -> None:
 
 def _prepare() -> None:
     # Ctrl-C reaches all processes of a terminal; the first one decides what becomes of the others.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in _OF_THE_TERMINAL:
+        signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

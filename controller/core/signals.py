@@ -63,7 +63,7 @@ def _is_unbreakable(frame: FrameType | None) -> bool:
 
 
 def interrupt_on_signals() -> None:
-    """Make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt, even where a shell's background job ignores SIGINT.
+    """Make SIGINT, SIGQUIT, SIGTERM and SIGHUP raise KeyboardInterrupt, even where a background job ignores SIGINT.
 
     A SIGHUP that is ignored, as under nohup, stays so: the program is to outlast its terminal.
 
@@ -71,7 +71,7 @@ def interrupt_on_signals() -> None:
     interrupt that comes there is put off, or raised again if it was dropped, until 1 ms later, by SIGALRM.
     """
     raise_once = _RaiseOnce()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, raise_once)
     signal.signal(signal.SIGALRM, raise_once.raise_again)

@@ -323,7 +323,7 @@ def test_a_killed_run_resumes_as_if_nothing_had_happened(flat: Path, tmp_path: P
     assert trials(run) == trials(flat)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path, number: signal.Signals) -> None:
     run = tmp_path / "run"
     process = start([*learn(run, "--trials", "5000")])

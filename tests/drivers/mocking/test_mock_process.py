@@ -170,7 +170,7 @@ def test_unplugging_ends_the_trial_and_the_next_one_runs_on_the_new_line(mock: M
     assert again.outcome is Outcome.COMPLETED
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGQUIT, signal.SIGHUP])
 def test_a_signal_ends_it_and_link_and_file_are_gone(tmp_path: Path, number: signal.Signals) -> None:
     with started("odrive", "--link", "axes", cwd=tmp_path) as process:
         assert process.stdout is not None
