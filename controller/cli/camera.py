@@ -38,14 +38,25 @@ def _add_arguments(parser: ArgumentParser) -> None:
         help="print-tag: draw the tags for printing; calibrate: measure the lens and save it in the robot's file; "
         "show: draw what the camera sees",
     )
-    parser.add_argument("--out", type=Path, metavar="PATH", help="the file to write (default: tag, board or camera)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="PATH",
+        help="name of what is written: .svg and .png of print-tag, .png of show (default tag, board or camera)",
+    )
     printing = parser.add_argument_group("print-tag")
     printing.add_argument("--board", action="store_true", help="the board for calibrate instead of the tags")
     printing.add_argument(
-        "--floor-size", type=number(above=0), metavar="MM", default=_FLOOR_MM, help="side of the floor's tags (60)"
+        "--floor-size",
+        type=number(above=0),
+        metavar="MM",
+        default=_FLOOR_MM,
+        help="side of the floor's tags, in mm (default 60)",
     )
     views = parser.add_argument_group("calibrate")
-    views.add_argument("--views", type=whole(6), default=15, metavar="N", help="different views of the board (15)")
+    views.add_argument(
+        "--views", type=whole(6), default=15, metavar="N", help="number of different views of the board (default 15)"
+    )
     showing = parser.add_argument_group("show")
     showing.add_argument(
         "--live", action="store_true", help="show it in Rerun, until interrupted, and write the last picture"

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("experiment", metavar="NAME", help="1, 2, 3, thesis (these three), controls or all; "
-                        "or one of 1b, 2-friction, unrelated, inverted, shuffled")  # fmt: skip
+    parser.add_argument("experiment", metavar="NAME", help="1 (with 1b), 2 (with 2-friction), 3, thesis (these "
+                        "three), controls or all; or one of 1b, 2-friction, unrelated, inverted, shuffled")  # fmt: skip
     parser.add_argument("--out", type=Path, metavar="DIR", help="directory of the campaign; an interrupted one "
                         "continues there (default runs/experiments-ROBOT)")  # fmt: skip
     group = parser.add_argument_group("campaign")
@@ -38,7 +38,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
     group.add_argument("--scatter", metavar="CAUSES",
                        help="causes of scatter: careful (default), hurried, none or frequency")  # fmt: skip
     group.add_argument("--heading-limit", dest="heading_limit_rad", type=heading_limit, metavar="RAD",
-                       help="end a trial when the robot has turned further (default inf: never)")  # fmt: skip
+                       help="end a trial when the robot has turned further, in rad (default inf: never)")  # fmt: skip
     group = parser.add_argument_group("size of each run, smaller for a quick look")
     group.add_argument("--duration", dest="duration_s", type=number(low=0.1), default=5.0, metavar="S",
                        help="time that the motors are driven in a trial, in s (default 5)")  # fmt: skip

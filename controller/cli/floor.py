@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.gaits import allow_negative_gaits, read_gait
-from vvvaltr.controller.cli.options import TWINS, add_robot_arguments, asked_robot, trial_duration, whole
+from vvvaltr.controller.cli.options import DURATION, TWINS, add_robot_arguments, asked_robot, trial_duration, whole
 from vvvaltr.controller.cli.telling import bar, say
 from vvvaltr.controller.core.errors import NotUnderstood
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 Turn = Callable[[int, float], None]
 
+_TRIALS = 8
 _LIVELY = 0.8  # of the highest frequency, for the gait that is driven unless another is given
 
 
@@ -35,11 +36,11 @@ def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("what", nargs="?", metavar="ROBOT|RUN",
                         help="spatial or a robot's file, to drive; or a run, to look at what it logged")  # fmt: skip
     parser.add_argument("--gait", metavar="RUN|GAIT", help="what to drive: frequencies in Hz, 12,-14,9, or what "
-                        "a run recommends (default: a lively one)")  # fmt: skip
-    parser.add_argument("--trials", type=whole(2), default=8, metavar="N", help="valid trials to make (default 8)")
-    parser.add_argument("--duration", dest="duration_s", metavar="S", type=trial_duration, help="of each (default 5)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="a new directory for the trials, as a run to view")
-    add_robot_arguments(parser)
+                        "a run recommends (default: 80, 72 and 64 %% of full speed)")  # fmt: skip
+    parser.add_argument("--trials", type=whole(2), metavar="N", help="valid trials to make (default 8)")
+    parser.add_argument("--duration", dest="duration_s", metavar="S", type=trial_duration, help=DURATION)
+    parser.add_argument("--out", type=Path, metavar="DIR", help="new directory for the trials, as a run to view")
+    add_robot_arguments(parser, "the same as ROBOT, as an option")
 
 
 def _execute(arguments: Namespace) -> Answer:
@@ -48,11 +49,18 @@ def _execute(arguments: Namespace) -> Answer:
 
     path = Path(arguments.what or "")
     if arguments.what and (path / LOG_NAME).exists():
+        _refuse_driving(arguments, path)
         trials = list(read_run(path / LOG_NAME).trials)
     else:
         trials = _drive(arguments)
     drift = find_drift(trials)
     return _answer(describe_drift(drift, sum(logged.score is not None for logged in trials)))
+
+
+def _refuse_driving(arguments: Namespace, path: Path) -> None:
+    """Raise NotUnderstood for what is asked of trials: a run has its own."""
+    if asked_robot(arguments) or arguments.gait or arguments.duration_s or arguments.trials or arguments.out:
+        raise NotUnderstood(f"{path} is a run, which is looked at, not driven: leave out all options of trials")
 
 
 def _drive(arguments: Namespace) -> list[LoggedTrial]:
@@ -65,6 +73,8 @@ def _drive(arguments: Namespace) -> list[LoggedTrial]:
     if arguments.what is not None:
         if arguments.what not in TWINS and not arguments.what.endswith(".toml"):
             raise NotUnderstood(f"{arguments.what} is neither a robot nor a run: name spatial or FILE.toml")
+        if arguments.robot is not None:
+            raise NotUnderstood(f"floor takes one robot: leave out {arguments.what} or --robot {arguments.robot}")
         asked["name"] = arguments.what
     choice, seed = choose_robot(asked), arguments.seed or 0
     if choice.name == "planar":
@@ -97,8 +107,8 @@ def _survey(rig: Rig, choice: RobotChoice, gait: Gait, turn: Turn, arguments: Na
 
             about = describe_maker(choice.name, arguments.seed or 0)
             record = stack.enter_context(begin_measured_run(arguments.out, rig.robot.structure, about)).append
-        trials = survey_floor(rig.robot, gait, settings, arguments.trials, turn, record)
-        total = arguments.trials
+        total = arguments.trials or _TRIALS
+        trials = survey_floor(rig.robot, gait, settings, total, turn, record)
         return list(bar(arguments, trials, total=total, desc="driving", unit="trial", is_needed=choice.is_twin))
 
 

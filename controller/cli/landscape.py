@@ -14,6 +14,8 @@ from typing import Any
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import (
+    ANY_TWIN,
+    TWIN_RANGE,
     add_robot_arguments,
     add_trial_arguments,
     asked_robot,
@@ -21,17 +23,17 @@ from vvvaltr.controller.cli.options import (
     score_details,
     whole,
 )
-from vvvaltr.controller.cli.telling import bar
+from vvvaltr.controller.cli.telling import bar, counted
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
-    add_robot_arguments(parser)
+    add_robot_arguments(parser, ANY_TWIN)
     add_trial_arguments(parser)
     parser.add_argument("--grid", type=whole(2), default=15, metavar="N", help="frequencies per motor (default 15)")
     parser.add_argument("--repeats", type=whole(1), default=3, metavar="N", help="trials per gait (default 3)")
     parser.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
-                        help="range of frequencies, in Hz")  # fmt: skip
+                        help=f"range of frequencies, in Hz ({TWIN_RANGE})")  # fmt: skip
     parser.add_argument("--jobs", type=whole(1), metavar="N", help="number of trials at a time (default: one per core)")
     parser.add_argument("--out", type=Path, default=Path("landscape.png"), metavar="FILE",
                         help="new picture, .png, .pdf or .svg (default landscape.png)")  # fmt: skip
@@ -62,7 +64,7 @@ def _execute(arguments: Namespace) -> Answer:
             for panel in panels
         ],
     }
-    return Answer(f"{gaits} gaits, {survey.repeats} trials each: {arguments.out}", result)
+    return Answer(f"{gaits} gaits, {counted(survey.repeats, 'trial')} each: {arguments.out}", result)
 
 
 def _save(write: Callable[[Path], None], out: Path) -> None:

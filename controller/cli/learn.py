@@ -15,6 +15,7 @@ from vvvaltr.controller.cli.following import add_following_arguments, open_event
 from vvvaltr.controller.cli.keyboard import is_at_keyboard, raw_keyboard
 from vvvaltr.controller.cli.operator import KEY_DETAILS, TerminalOperator
 from vvvaltr.controller.cli.options import (
+    TWIN_RANGE,
     add_robot_arguments,
     add_trial_arguments,
     asked_robot,
@@ -47,7 +48,8 @@ def _add_arguments(parser: ArgumentParser) -> None:
     group.add_argument("--optimise", type=one_of("frequency", "phase", "amplitude"), metavar="WHAT,...",
                        help="quantities to search: frequency, phase, amplitude (default frequency)")  # fmt: skip
     group.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
-                       help="range of frequencies to search, in Hz; negative is reverse")  # fmt: skip
+                       help="range of frequencies to search, in Hz; negative is reverse "
+                       f"({TWIN_RANGE}, or what the robot's file says)")  # fmt: skip
     group.add_argument("--confirm", type=_gaits_by_repeats, metavar="KxR",
                        help="repeat the K most promising gaits R times each, in the last K*R trials")  # fmt: skip
     group.add_argument("--reference", metavar="GAIT:N",
@@ -58,11 +60,12 @@ def _add_arguments(parser: ArgumentParser) -> None:
     group.add_argument("--attended", action=BooleanOptionalAction, help="ask the person beside the robot "
                        "between trials (default with a robot's file on a terminal)")  # fmt: skip
     group.add_argument("--reposition", choices=("each", "arena", "never"), metavar="WHEN",
-                       help="when the robot is put back to its start: before each trial, at the border of its arena, "
-                       "or never (default each where the robot's file has [start], else arena)")  # fmt: skip
+                       help="when the robot is put back to its start: each (before each trial), arena (at the "
+                       "border of its arena) or never (default each where [start] is in the file, else arena)"
+                       )  # fmt: skip
     group.add_argument("--no-hand", action="store_true", help="do not ask the hand of a mock to put its robot back")
     group.add_argument("--park-after", type=number(above=0), default=60.0, metavar="S",
-                       help="in a longer pause, let go of the motors' lines (default 60 s)")  # fmt: skip
+                       help="in a pause of more than S seconds, let go of the motors' lines (default 60)")  # fmt: skip
     group = parser.add_argument_group("run")
     where = group.add_mutually_exclusive_group()
     where.add_argument("--out", type=Path, metavar="DIR", help="new directory for the run (default runs/DATE-ROBOT)")
@@ -85,6 +88,8 @@ def _execute(arguments: Namespace) -> Answer:
 
     if arguments.attended and not is_at_keyboard():
         raise UserError("--attended needs a terminal, and there is none here: over ssh, ask for one by ssh -t")
+    if arguments.or_resume and not (arguments.out or arguments.resume):
+        raise NotUnderstood("--or-resume continues the run in --out, if there is one: give --out DIR as well")
     _check_reposition(arguments)
     asked = _asked(arguments)
     with ExitStack() as stack:

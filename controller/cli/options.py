@@ -15,6 +15,10 @@ from vvvaltr.controller.loop.scoring import SCORES
 
 TWINS = ("planar", "spatial")
 LAWS = ("eccentric", "constant")
+ANY_ROBOT = "a twin, planar or spatial, or a robot's file FILE.toml (default planar)"
+ANY_TWIN = "a twin, planar or spatial (default planar)"
+DURATION = "time that the motors are driven in a trial, in s (default 5, or what the robot's file says)"
+TWIN_RANGE = "default 4 to 16.7 on planar, 5 to 50 on spatial"
 
 
 def number(low: float = -math.inf, above: float = -math.inf, high: float = math.inf) -> Callable[[str], float]:
@@ -78,13 +82,13 @@ def refuse_to_replace(path: Path, *endings: str) -> None:
         raise UserError(f"{path} exists and is no {endings[0]} file: name another file, or move it away")
 
 
-def add_robot_arguments(parser: ArgumentParser) -> None:
-    """Declare which robot, and a twin's condition."""
+def add_robot_arguments(parser: ArgumentParser, kinds: str = ANY_ROBOT) -> None:
+    """Declare which robot, of ``kinds``, and a twin's condition."""
     group = parser.add_argument_group("robot")
     group.add_argument(
         "--robot",
         metavar="NAME",
-        help="a twin, planar or spatial, or a robot's file FILE.toml (default planar)",
+        help=kinds,
     )
     group.add_argument("--seed", type=whole(0), metavar="N", help="seed of every random stream (default 0)")
     _add_permission(group)
@@ -133,7 +137,7 @@ def add_trial_arguments(parser: ArgumentParser) -> None:
         dest="duration_s",
         metavar="S",
         type=trial_duration,
-        help="time that the motors are driven, in s (default 5)",
+        help=DURATION,
     )
     group.add_argument(
         "--heading-limit",

@@ -5,12 +5,21 @@ from __future__ import annotations
 import time
 from argparse import ArgumentParser, Namespace
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
-from vvvaltr.controller.cli.options import add_robot_arguments, asked_robot, number, trial_duration, whole
+from vvvaltr.controller.cli.options import (
+    DURATION,
+    TWIN_RANGE,
+    add_robot_arguments,
+    asked_robot,
+    number,
+    trial_duration,
+    whole,
+)
 from vvvaltr.controller.cli.telling import bar, counted, say_above
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
@@ -29,10 +38,11 @@ def _add_arguments(parser: ArgumentParser) -> None:
         dest="duration_s",
         metavar="S",
         type=trial_duration,
-        help="time that the motors are driven in a trial, in s (default 5)",
+        help=DURATION,
     )
     group.add_argument("--range", dest="range_hz", nargs=2, type=number(), metavar=("LOW", "HIGH"),
-                       help="frequencies to try in Hz; positive ones are tried in both senses of rotation")  # fmt: skip
+                       help="range of frequencies to try, in Hz; positive ones are tried in both senses of rotation "
+                       f"({TWIN_RANGE}, or what the robot's file says)")  # fmt: skip
     group.add_argument("--from", dest="sources", action="append", type=Path, metavar="RUN",
                        help="take the movements from this run instead of driving; repeatable")  # fmt: skip
     group.add_argument("--picture", type=Path, metavar="FILE",
@@ -115,11 +125,15 @@ def _answer(path: Path, result: dict[str, Any], repertoire: Repertoire, picture:
         f"movements  {counted(result['gaits'], 'gait')} in {counted(result['trials'], 'trial')}",
         f"fastest    {1000 * result['fastest_m_s']:.1f} mm/s",
         f"turning    {result['turn_left_rad_s']:.2f} rad/s to the left, {result['turn_right_rad_s']:.2f} to the right",
-        f"floor      drifts by {1000 * result['drift_m_s'][0]:.1f} {1000 * result['drift_m_s'][1]:.1f} mm/s",
+        f"floor      carries the robot by {_write_drift(result['drift_m_s'])} mm/s, as far as these trials tell",
         f"run        {path}",
         *([f"picture    {picture}"] if picture else []),
     ]
     return Answer("\n".join(lines), {"run": str(path), **result})
+
+
+def _write_drift(drift_m_s: Sequence[float]) -> str:
+    return " ".join(f"{axis} {1000 * speed_m_s:+.1f}" for axis, speed_m_s in zip("xy", drift_m_s, strict=True))
 
 
 COMMAND = Subcommand(

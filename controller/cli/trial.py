@@ -18,7 +18,8 @@ from vvvaltr.controller.cli.options import (
     score_details,
     whole,
 )
-from vvvaltr.controller.cli.telling import bar
+from vvvaltr.controller.cli.telling import bar, counted
+from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.gaits import Gait, Quantity
@@ -36,7 +37,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--amplitude",
         nargs="+",
-        type=number(),
+        type=number(low=0.0, high=1.0),
         default=[],
         metavar="A",
         help="amplitude of each motor, 0 to 1 (default 1)",
@@ -57,6 +58,8 @@ def _execute(arguments: Namespace) -> Answer:
     choice = choose_robot(asked_robot(arguments))
     rig = open_rig(choice, arguments.seed or 0)
     with closing(rig.robot):
+        for option in ("phase", "amplitude"):
+            _check_count(option, getattr(arguments, option), len(arguments.frequency_hz))
         with one_line_errors():
             gait = Gait(tuple(arguments.frequency_hz), tuple(arguments.phase), tuple(arguments.amplitude))
             rig.robot.limits.check(gait)
@@ -69,6 +72,13 @@ def _execute(arguments: Namespace) -> Answer:
 
         write_summary(arguments.out, {"run": str(arguments.out), "robot": choice.name, **summarise(trials)})
     return Answer(_prose(trials, result), result, status=_status(trials))
+
+
+def _check_count(option: str, values: Sequence[float], motors: int) -> None:
+    if values and len(values) != motors:
+        raise NotUnderstood(
+            f"--{option} has {counted(len(values), 'value')} for {counted(motors, 'motor')}: give one each"
+        )
 
 
 def _trials(rig: Rig, gait: Gait, arguments: Namespace) -> list[LoggedTrial]:

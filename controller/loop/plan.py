@@ -48,7 +48,9 @@ class Budget:
     def __post_init__(self) -> None:
         if self.search_trials < 1:
             gaits, repeats = self.confirm
-            raise ValueError(f"confirm {gaits}x{repeats} leaves no trial of {self.trials} for the search")
+            raise ValueError(
+                f"confirm {gaits}x{repeats} leaves no trial of {self.trials} for the search: make more trials"
+            )
 
     @property
     def search_trials(self) -> int:

@@ -12,7 +12,7 @@ from msgspec import Meta
 from vvvaltr.controller.core.attending import StartPlace
 from vvvaltr.controller.core.conditions import GREATEST_SPEED_M_S
 from vvvaltr.controller.core.document import read_document, typed
-from vvvaltr.controller.core.errors import NotUnderstood
+from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.plug_ins import Registry
 from vvvaltr.controller.core.spelling import did_you_mean
 from vvvaltr.controller.loop.plausibility import Plausibility, plausible_speed_m_s
@@ -134,6 +134,8 @@ class RobotFile(Table, frozen=True, kw_only=True):
 
 def load_robot_file(path: Path) -> RobotFile:
     """Read a robot's file. Raises UserError: one line with the file, the key, its value and what is allowed."""
+    if not path.exists():
+        raise UserError(f"{path}: there is no such file; vvvaltr init {path} writes a first one")
     robot = robot_file_from(read_document(path), str(path))
     return msgspec.structs.replace(robot, tracker=robot.tracker.located(path.parent))
 

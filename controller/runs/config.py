@@ -87,7 +87,7 @@ def check_config(config: RunConfig, spell: Callable[[str], str] = str) -> None:
     if wrong := set(config.optimise) - set(Quantity):
         raise ValueError(f"{spell('optimise')}: {min(wrong)!r} is unknown; allowed: {', '.join(Quantity)}")
     if Quantity.FREQUENCY not in config.optimise or len(set(config.optimise)) < len(config.optimise):
-        raise ValueError(f"{spell('optimise')}: name frequency, and each quantity once")
+        raise ValueError(f"{spell('optimise')}: name frequency among them, and each quantity once")
     if config.heading_limit_rad is not None and not config.heading_limit_rad > 0.0:
         raise ValueError(f"{spell('heading_limit_rad')} is {config.heading_limit_rad:g}; allowed: above 0, or inf")
     if min(config.confirm) < 0:

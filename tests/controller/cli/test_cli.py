@@ -167,6 +167,9 @@ NOT_UNDERSTOOD = [
     ("trial 12 14 nan", "nan"),
     ("trial 12 14 9 --repeats 0", "--repeats"),
     ("trial 12 14 9 --amplitude 2 1 1", "amplitude"),
+    ("trial 12 14 9 --phase 1 2", "--phase has 2 values for 3 motors"),
+    ("trial 12 14 9 --amplitude 1", "--amplitude has 1 value for 3 motors"),
+    ("learn --or-resume", "give --out DIR as well"),
     ("check planar", "planar is a twin; check tests the links, motors, watchdogs and tracker of a real robot"),
     ("check a.toml --robot b.toml", "takes one robot"),
     ("calibrate", "name its file, as in vvvaltr calibrate robot.toml"),
@@ -178,7 +181,7 @@ NOT_UNDERSTOOD = [
     ("completion fish", "choose one of bash, zsh, tcsh"),
 ]
 FAILED = [
-    ("learn --robot missing.toml", "missing.toml: there is no such file"),
+    ("learn --robot missing.toml", "missing.toml: there is no such file; vvvaltr init missing.toml writes a first one"),
     ("learn --source nowhere", "nowhere"),
     ("learn --resume nowhere", "nowhere"),
     ("check missing.toml", "missing.toml: there is no such file"),

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from vvvaltr.controller.cli.main import COMMANDS, main
-from vvvaltr.controller.cli.options import TWINS
+from vvvaltr.controller.cli.options import TWIN_RANGE, TWINS
 from vvvaltr.controller.loop.scoring import SCORES
 from vvvaltr.transfer.methods.registry import METHODS
 from vvvaltr.twin import presets
@@ -52,6 +52,12 @@ def test_methods_and_scores_are_explained_where_they_can_be_chosen(capsys: pytes
 
 def test_the_twins_that_can_be_typed_are_those_that_there_are() -> None:
     assert set(TWINS) == set(presets.TWINS)
+
+
+def test_the_ranges_that_are_told_are_those_of_the_twins() -> None:
+    ranges = {name: twin.drives["eccentric"].range_hz for name, twin in presets.TWINS.items()}
+    told = ", ".join(f"{low:g} to {high:g} on {name}" for name, (low, high) in ranges.items())
+    assert f"default {told}" == TWIN_RANGE
 
 
 @pytest.mark.parametrize("arguments", [("--version",), ("completion", "bash")])

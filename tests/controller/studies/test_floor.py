@@ -60,6 +60,23 @@ def test_trials_without_poses_are_said_to_tell_nothing(tmp_path, capsys):
     assert "no trial has poses" in err
 
 
+@pytest.mark.parametrize("asked", [("--trials", "3"), ("--gait", "12,-14,9"), ("--world", "slope"), ("--out", "new")])
+def test_a_run_is_not_driven(asked, tmp_path, capsys):
+    (tmp_path / LOG_NAME).touch()
+
+    status, _, err = floor(capsys, str(tmp_path), *asked)
+
+    assert status == 2
+    assert "leave out all options of trials" in err
+
+
+def test_of_two_robots_none_is_driven(capsys):
+    status, _, err = floor(capsys, "spatial", "--robot", "robot.toml")
+
+    assert status == 2
+    assert "leave out spatial or --robot robot.toml" in err
+
+
 def test_what_is_neither_robot_nor_run_is_not_understood(capsys):
     status, _, err = floor(capsys, "nothing")
 
