@@ -23,6 +23,7 @@ from mcap.writer import MCAP0_MAGIC
 from vvvaltr.controller.core.errors import UserError
 
 _MOST_RECORD_BYTES = 256 << 20  # a trial of four hours
+_WRITTEN = "{} is being written by another process; wait for it, or stop it"
 # What the library raises on bytes that stop short or are wrong.
 _WRONG = (McapError, struct.error, ValueError, OverflowError, KeyError)
 
@@ -73,10 +74,7 @@ class NewFile:
 
     def is_at(self, path: Path) -> bool:
         """Return whether the file is called ``path``."""
-        try:
-            return os.path.samestat(os.fstat(self._file.fileno()), path.stat())
-        except OSError:
-            return False
+        return _is_at(self._file, path)
 
     @property
     def closed(self) -> bool:
@@ -115,9 +113,18 @@ def lock(file: IO[bytes] | FileIO, path: Path) -> None:
     try:
         fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise UserError(f"{path} is being written by another process; wait for it, or stop it") from error
+        raise UserError(_WRITTEN.format(path)) from error
     except OSError:
-        pass  # a file system without locks; the log itself needs none
+        return  # a file system without locks; the log itself needs none
+    if not _is_at(file, path):  # another process has put a new file in its place since it was opened
+        raise UserError(_WRITTEN.format(path))
+
+
+def _is_at(file: IO[bytes] | FileIO, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except OSError:
+        return False
 
 
 def describe(kind: type[Protobuf]) -> bytes:

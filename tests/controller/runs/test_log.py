@@ -10,6 +10,7 @@ from dataclasses import replace
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import pytest
@@ -53,7 +54,7 @@ from vvvaltr.controller.core.values import (
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run, read_trials
 from vvvaltr.controller.runs.schema import codec
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
-from vvvaltr.controller.runs.schema.mcap_file import NewFile, describe
+from vvvaltr.controller.runs.schema.mcap_file import NewFile, describe, lock
 from vvvaltr.controller.runs.schema.mcap_writer import ChunkWriter, Stamped
 from vvvaltr.controller.runs.schema.trial_codec import decode_trial
 
@@ -367,6 +368,22 @@ def test_a_log_that_is_being_written_cannot_be_recovered(tmp_path: Path) -> None
     path = tmp_path / LOG_NAME
     with RunLog.create(path, None), pytest.raises(UserError, match="being written by another process"):
         RunLog.recover(path)
+
+
+def test_of_two_that_recover_a_log_at_once_one_gets_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, others = write(tmp_path / LOG_NAME), []
+
+    def lock_late(file: IO[bytes], at: Path) -> None:
+        monkeypatch.undo()
+        others.append(RunLog.recover(path)[0])
+        lock(file, at)
+
+    monkeypatch.setattr("vvvaltr.controller.runs.log.lock", lock_late)
+    with pytest.raises(UserError, match="being written by another process"):
+        RunLog.recover(path)
+
+    with others[0] as log:
+        assert log.is_at(path)
 
 
 @pytest.mark.parametrize(
