@@ -10,13 +10,14 @@ from itertools import count
 import numpy as np
 
 from vvvaltr.controller.core.errors import TrackingLost
-from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
+from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import Displacement, LoggedTrial, SteeringStep
-from vvvaltr.controller.core.values import Outcome, Pose, Structure, Suggestion, Trial
+from vvvaltr.controller.core.values import Outcome, Pose, Suggestion, Trial
 from vvvaltr.controller.loop.causes import describe_loss, find_loss_in
 from vvvaltr.controller.loop.movement import NO_HEADING, complete_record, lacks_heading
 from vvvaltr.controller.loop.plausibility import PoseFilter
 from vvvaltr.controller.loop.scoring import score
+from vvvaltr.controller.loop.staying import Staying
 from vvvaltr.controller.loop.steersman import Onward, Steersman, Watch, primitive_settings
 from vvvaltr.controller.loop.thinking import AtOnce, Thinking
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
@@ -59,26 +60,6 @@ class Ending:
     goals: int
 
 
-class _Staying:
-    """A robot that nobody puts back between trials."""
-
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
-        self.motors: MotorDriver = robot.motors
-        self.tracker: Tracker = robot.tracker
-        self.clock: Clock = robot.clock
-        self.structure: Structure | None = robot.structure
-
-    def place(self, trial: int) -> None:
-        self._robot.carry_on(trial)
-
-    def carry_on(self, trial: int) -> None:
-        self._robot.carry_on(trial)
-
-    def close(self) -> None:
-        self._robot.close()
-
-
 class Journey:
     """A robot on its way along goals.
 
@@ -102,7 +83,7 @@ class Journey:
         record: Callable[[LoggedTrial], None],
         thinking: Thinking[Onward] | None = None,
     ) -> None:
-        self._robot: Robot = _Staying(robot)
+        self._robot: Robot = Staying(robot)
         self._thinking: Thinking[Onward] = thinking or AtOnce()
         self._steersman, self._goals, self._settings = steersman, tuple(goals), settings
         self._budget_s, self._record = budget_s, record

@@ -18,9 +18,9 @@ import numpy as np
 
 from vvvaltr.controller.core.errors import SafetyStop
 from vvvaltr.controller.core.gaits import Gait
-from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
+from vvvaltr.controller.core.protocols import Clock, Robot
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Outcome, Pose, Structure, Suggestion
+from vvvaltr.controller.core.values import Outcome, Pose, Suggestion
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.steersman import PrimitiveSettings, primitive_settings
@@ -168,29 +168,6 @@ def _hold(
     logged = complete_record(suggestion, trial, speed_m_s)
     record(logged)
     return logged
-
-
-class RealTimeRobot:
-    """A twin that keeps pace with a person's clock, and is not put back between trials."""
-
-    def __init__(self, robot: Robot, is_paced: bool) -> None:
-        self._robot = robot
-        self.motors: MotorDriver = robot.motors
-        self.tracker: Tracker = robot.tracker
-        self.structure: Structure | None = robot.structure
-        self.clock: Clock = PacedClock(robot.clock) if is_paced else robot.clock
-
-    def place(self, trial: int) -> None:
-        """Make the robot ready where it is."""
-        self._robot.carry_on(trial)
-
-    def carry_on(self, trial: int) -> None:
-        """Make the robot ready where it is."""
-        self._robot.carry_on(trial)
-
-    def close(self) -> None:
-        """Stop the motors and let go of everything."""
-        self._robot.close()
 
 
 class PacedClock:

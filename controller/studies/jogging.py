@@ -10,7 +10,8 @@ from typing import Any
 import msgspec
 
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.loop.jog import Keyboard, RealTimeRobot, choose_movements, jog
+from vvvaltr.controller.loop.jog import Keyboard, PacedClock, choose_movements, jog
+from vvvaltr.controller.loop.staying import Staying
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.studies.going import check_fit, usable_repertoire
 from vvvaltr.controller.studies.steering_run import SteeringRun, steering_config
@@ -54,9 +55,10 @@ class JogRun:
 
     def jog(self, keyboard: Keyboard) -> Iterator[LoggedTrial]:
         """Drive until somebody quits; yields each held key once it is recorded. See ``jog`` for what is raised."""
-        self._rig.robot.place(1)
-        robot = RealTimeRobot(self._rig.robot, is_paced=self.run.config.robot.is_twin)
-        yield from jog(robot, self._gaits, keyboard, self._rig.settings, self.run.record)
+        robot = self._rig.robot
+        robot.place(1)
+        staying = Staying(robot, PacedClock(robot.clock) if self.run.config.robot.is_twin else None)
+        yield from jog(staying, self._gaits, keyboard, self._rig.settings, self.run.record)
 
     def summarise(self) -> dict[str, Any]:
         """Write `summary.json` and return what is in it."""

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
 Picture = NDArray[np.uint8]
 
-TAG_COUNT = 587
-"""How many tags the family has; ids count from 0."""
 _THRESHOLD_PX = 13  # window of the adaptive threshold: one size is enough for edges as sharp as a camera's
 _WIDE_THRESHOLD_PX = 23  # for a blurred tag
 _SHARPEN, _SHARPEN_PX = 4.0, (1.0, 3.0)  # for blur of 2 to 3 px: found 73 to 100 % of the time, before 8 to 93 %
