@@ -75,8 +75,8 @@ def _execute(arguments: Namespace) -> Answer:
     if strangers := set(methods) - set(list_transfer_methods()):
         raise NotUnderstood(f"--methods: {unknown('method', min(strangers), list_transfer_methods())}")
     out = arguments.out or Path("runs") / f"experiments-{arguments.robot}{'-signed' * arguments.signed}"
-    settings = _settings(arguments, out)
     with one_line_errors():
+        settings = _settings(arguments, out)
         robot, _ = open_condition(settings, pairs[0].target, settings.seed)  # here, before anything is written
         robot.close()
     with cluster(arguments.scheduler) if arguments.scheduler else processes(arguments.jobs) as executor:

@@ -67,6 +67,9 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         for key, low in {"seed": 0, "starts": 1, "most_trials": 0}.items():
             if getattr(self, key) < low:
                 raise ValueError(f"{key} is {getattr(self, key)}; allowed: {low} or more")
+        if not self.heading_limit_rad > 0.0:
+            raise ValueError(f"heading_limit_rad is {self.heading_limit_rad:g}; allowed: above 0")
+        parse_scatter(self.scatter, TWINS[self.robot].frequency_scatter)
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,6 +38,8 @@ def test_what_was_saved_is_loaded(store: Store) -> None:
         ("duration_s = 0.5", "duration_s = nan", "duration_s is nan"),
         ("seed = 0", "seed = -1", "seed is -1; allowed: 0 or more"),
         ("starts = 2", "starts = 0", "starts is 0; allowed: 1 or more"),
+        ("= inf", "= nan", "heading_limit_rad is nan; allowed: above 0"),
+        ('"careful"', '"x"', "unknown scatter 'x'; choose one of careful"),
     ],
 )
 def test_damaged_settings_are_to_be_restored(
