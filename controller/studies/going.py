@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -42,10 +42,10 @@ class Errand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         budget_s: driving time for each goal.
     """
 
-    goals: tuple[tuple[float, float, float | None], ...]
-    within_m: float = 0.02
-    within_rad: float = 0.2
-    budget_s: float = 200.0
+    goals: Annotated[tuple[tuple[float, float, float | None], ...], msgspec.Meta(min_length=1)]
+    within_m: Annotated[float, msgspec.Meta(gt=0.0)] = 0.02
+    within_rad: Annotated[float, msgspec.Meta(gt=0.0)] = 0.2
+    budget_s: Annotated[float, msgspec.Meta(gt=0.0)] = 200.0
 
     @property
     def targets(self) -> tuple[Goal, ...]:
@@ -214,7 +214,7 @@ def read_goals(path: Path) -> tuple[tuple[float, float, float | None], ...]:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         what = error.strerror if isinstance(error, OSError) else error
         raise UserError(f"{path}: {what}; give a CSV file with x, y and perhaps yaw in each line") from None
-    if rows and not _is_number(rows[0][0]):
+    if rows and rows[0][0].strip()[:1] not in tuple("+-.0123456789"):
         rows = rows[1:]
     if not rows:
         raise UserError(f"{path} has no way points: write x, y and perhaps yaw in each line")

@@ -1,5 +1,6 @@
 """What `go` refuses: goals that must not be reached, and repertoires by which no robot can be steered."""
 
+import json
 from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
@@ -15,7 +16,7 @@ from vvvaltr.controller.core.values import Suggestion
 from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
-from vvvaltr.controller.studies.going import Errand, check_errand, usable_repertoire
+from vvvaltr.controller.studies.going import Errand, _load_errand, check_errand, read_goals, usable_repertoire
 from vvvaltr.controller.studies.steering_run import SteeringRun, load_repertoire, steering_config
 
 SPATIAL, ROBOT = RobotChoice("spatial"), RobotChoice("robot.toml", file={})
@@ -37,6 +38,32 @@ def test_a_goal_outside_the_arena_is_refused() -> None:
     check_errand(Errand(((0.4, 0.2, None),)), arena, ROBOT)
     with pytest.raises(NotUnderstood, match=r"goal 0\.4 0\.4 is outside the arena"):
         check_errand(Errand(((0.4, 0.2, None), (0.4, 0.4, None))), arena, ROBOT)
+
+
+@pytest.mark.parametrize("text", ["0.05;0\n0.1,0\n", "0,05 0\n0.1,0\n", "x,y\n0.05;0\n0.1,0\n"])
+def test_a_first_way_point_that_is_not_understood_is_not_taken_for_a_header(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "way.csv"
+    path.write_text(text)
+
+    with pytest.raises(NotUnderstood, match="way point 1 is"):
+        read_goals(path)
+
+
+@pytest.mark.parametrize("header", ["", "x,y\n", "# metres\n", "X1 (m),Y1 (m)\n"])
+def test_way_points_stand_under_a_header_or_none(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "way.csv"
+    path.write_text(f"{header}0.05,-0.1\n-.1,0,1.5\n")
+
+    assert read_goals(path) == ((0.05, -0.1, None), (-0.1, 0.0, 1.5))
+
+
+@pytest.mark.parametrize("change", [{"goals": []}, {"within_m": -1.0}, {"within_rad": 0.0}, {"budget_s": 0.0}])
+def test_an_errand_that_no_run_wrote_is_refused(tmp_path: Path, change: dict[str, object]) -> None:
+    path = tmp_path / "errand.json"
+    path.write_text(json.dumps({"goals": [[0.1, 0.0, None]], **change}))
+
+    with pytest.raises(UserError, match=f"{next(iter(change))}`; restore the file as the run wrote it"):
+        _load_errand(path)
 
 
 def test_movements_that_do_not_turn_are_refused(tmp_path: Path) -> None:
