@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
@@ -32,7 +33,7 @@ def write_trial_command(gait: Gait, robot: str, config: RunConfig | None = None)
         robot: the robot as the log names it; empty where that is not known.
         config: what the run was asked to do; None where nobody learned in it.
     """
-    words = ["vvvaltr trial", *_write_numbers(gait.frequency_hz)]
+    words = ["vvvaltr trial", *_write_frequencies(gait, max(map(abs, config.range_hz)) if config else math.inf)]
     words += ["--phase", *_write_numbers(gait.phase_rad)] if any(gait.phase_rad) else []
     words += ["--amplitude", *_write_numbers(gait.amplitude)] if any(share != 1.0 for share in gait.amplitude) else []
     words += _write_robot(config) if config else [f"--robot {shlex.quote(robot)}"] if robot else []
@@ -46,12 +47,24 @@ def write_learn_command(config: RunConfig) -> str:
         del stored[key]
     words = ["vvvaltr learn", *_write_robot(config), *_write_options(stored)]
     if config.reference_hz:
-        words.append(f"--reference {','.join(f'{hz:g}' for hz in config.reference_hz)}:{config.reference_every}")
+        words.append(f"--reference {','.join(map(_write_float, config.reference_hz))}:{config.reference_every}")
     return " ".join(words)
 
 
-def write_making_command(config: RunConfig, goals: Sequence[Sequence[float | None]] = ()) -> str:
-    """Return the command that makes a run again, whichever made it; ``goals`` are those of a run of ``go``."""
+class Errand(msgspec.Struct, frozen=True):
+    """What a run of ``go`` was to do: x, y and heading of each goal, how near is near enough, and the time for each."""
+
+    goals: tuple[tuple[float, float, float | None], ...] = ()
+    within_m: float = 0.02
+    within_rad: float = 0.2
+    budget_s: float = 200.0
+
+
+_NO_ERRAND = Errand()
+
+
+def write_making_command(config: RunConfig, errand: Errand = _NO_ERRAND) -> str:
+    """Return the command that makes a run again, whichever made it; ``errand`` is that of a run of ``go``."""
     robot = [*_write_robot(config), *_write_options({"seed": config.seed})]
     moves = [f"--repertoire {shlex.quote(source)}" for source in config.sources]
     match config.method:
@@ -61,17 +74,21 @@ def write_making_command(config: RunConfig, goals: Sequence[Sequence[float | Non
             asked = {"gaits": config.trials, "duration_s": config.duration_s, "range_hz": config.range_hz}
             return " ".join(["vvvaltr repertoire", *robot, *_write_options(asked)])
         case "go":
-            return " ".join(["vvvaltr go", *_write_goals(goals), *moves, *robot])
+            return " ".join(["vvvaltr go", *_write_errand(errand), *moves, *robot])
         case "jog":
             return " ".join(["vvvaltr jog", *moves, *robot])
     return write_learn_command(config)
 
 
-def _write_goals(goals: Sequence[Sequence[float | None]]) -> list[str]:
-    if len(goals) != 1:
-        return ["--path FILE.csv"]
-    x_m, y_m, yaw_rad = goals[0]
-    return [f"{x_m:g}", f"{y_m:g}", *([] if yaw_rad is None else [f"--yaw {yaw_rad:g}"])]
+def _write_errand(errand: Errand) -> list[str]:
+    words = ["--path FILE.csv"]
+    if len(errand.goals) == 1:
+        x_m, y_m, yaw_rad = errand.goals[0]
+        words = [_write_float(x_m), _write_float(y_m), *([] if yaw_rad is None else [f"--yaw {_write_float(yaw_rad)}"])]
+    asked, usual = (
+        {"--within": it.within_m, "--within-yaw": it.within_rad, "--time": it.budget_s} for it in (errand, _NO_ERRAND)
+    )
+    return words + [f"{name} {_write_float(value)}" for name, value in asked.items() if value != usual[name]]
 
 
 def _write_robot(config: RunConfig) -> list[str]:
@@ -98,9 +115,21 @@ def _write_option(key: str, value: Any) -> list[str]:
         case "optimise", _:
             return [f"--optimise {','.join(value)}"]
         case "range_hz", (low, high):
-            return [f"--range {low:g} {high:g}"]
+            return [f"--range {_write_float(low)} {_write_float(high)}"]
         case _:
-            return [f"{option(key)} {shlex.quote(f'{value:g}' if isinstance(value, float) else str(value))}"]
+            return [f"{option(key)} {shlex.quote(_write_float(value) if isinstance(value, float) else str(value))}"]
+
+
+def _write_float(number: float) -> str:
+    """Return a number in as few digits as say exactly what it is."""
+    short = f"{number:g}"
+    return short if float(short) == number else repr(number)
+
+
+def _write_frequencies(gait: Gait, most_hz: float) -> list[str]:
+    """Return frequencies to 3 digits, of which none exceeds ``most_hz`` by having been rounded."""
+    rounded_hz = [round(hz, 3) for hz in gait.frequency_hz]
+    return [f"{hz - math.copysign(0.001, hz) if abs(hz) > most_hz else hz:.3f}" for hz in rounded_hz]
 
 
 def _write_numbers(numbers: tuple[float, ...]) -> list[str]:

@@ -12,6 +12,7 @@ import msgspec
 from vvvaltr.controller.core.disk import read_bytes
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.runs.repertoire_file import known_in_run
+from vvvaltr.controller.view.commands import Errand
 from vvvaltr.controller.view.page import to_svg, write_figure, write_table
 from vvvaltr.controller.view.repertoire_picture import CAPTION, picture_repertoire
 from vvvaltr.controller.view.run_findings import RunFindings
@@ -40,17 +41,13 @@ def write_movements(found: RunFindings, path: Path) -> Iterator[str]:
     yield from _write_goals(found.run.trials)
 
 
-def read_goals(path: Path) -> tuple[tuple[float, float, float | None], ...]:
-    """Return x, y and heading of each goal of a run, a directory or a log; none where no file tells any."""
+def read_errand(path: Path) -> Errand:
+    """Return what a run, a directory or a log, was to do; nothing where no file tells it."""
     folder = path if path.is_dir() else path.parent
     try:
-        return msgspec.json.decode(read_bytes(folder / "errand.json"), type=_Goals).goals
+        return msgspec.json.decode(read_bytes(folder / "errand.json"), type=Errand)
     except (OSError, msgspec.DecodeError, msgspec.ValidationError, RecursionError):
-        return ()
-
-
-class _Goals(msgspec.Struct, frozen=True):
-    goals: tuple[tuple[float, float, float | None], ...]
+        return Errand()
 
 
 def _row(movement: LearnedMovement) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from vvvaltr.controller.view import run_figures as figures
 from vvvaltr.controller.view.commands import write_making_command, write_trial_command
 from vvvaltr.controller.view.page import to_png, write_figure, write_page, write_table
 from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, describe_start_drift, find_in_run
-from vvvaltr.controller.view.run_movements import read_goals, write_movements
+from vvvaltr.controller.view.run_movements import read_errand, write_movements
 from vvvaltr.controller.view.scatter_causes import find_causes, tell_scatter
 from vvvaltr.controller.view.showing import name_run
 
@@ -197,7 +197,7 @@ def _write_trust(hyperparameters: Mapping[str, float], place: int) -> str:
 def _making(found: RunFindings) -> Iterator[str]:
     yield "<h2>How it was made</h2>"
     if found.config is not None:
-        command = write_making_command(found.config, read_goals(found.path))
+        command = write_making_command(found.config, read_errand(found.path))
         yield f"<p>The same again:</p><pre>{escape(command)}</pre>"
     about = {"log": str(found.path), **found.run.about, "report by": f"vvvaltr {__version__}"}
     yield write_table("", ("what", "value"), list(about.items()))

@@ -54,7 +54,8 @@ def way(moves: Path) -> Path:
     settings = TrialSettings(heading_limit_rad=None)
     for _ in Journey(GlidingRobot(), Steersman(known, 1, None, 0.3), goals, settings, 200.0, driven.append).go():
         pass
-    return written(moves.parent / "way", "go", driven, known, errand={"goals": GOALS[:1]})
+    errand = {"goals": GOALS[:1], "within_m": 0.03, "budget_s": 60.5}
+    return written(moves.parent / "way", "go", driven, known, errand=errand)
 
 
 def report(run: Path, page: Path) -> str:
@@ -96,3 +97,4 @@ def test_the_command_makes_the_same_run_again(moves: Path, way: Path, tmp_path: 
 
     assert (learned.robot, learned.trials, learned.duration_s, learned.seed) == ("spatial", 10, 5.0, 4)
     assert (went.x_m, went.y_m, went.seed) == (0.2, 0.1, 4)
+    assert (went.within_m, went.within_rad, went.budget_s) == (0.03, 0.2, 60.5)

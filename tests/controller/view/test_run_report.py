@@ -107,6 +107,18 @@ def test_the_commands_are_understood_and_make_the_same_run(runs: Path) -> None:
     assert (driven.frequency_hz, driven.phase, driven.amplitude) == ([1, -2, 3], [0, 0.5, 0], [1, 0.5, 1])
 
 
+def test_no_command_goes_beyond_what_the_motors_reach_because_it_was_rounded(runs: Path) -> None:
+    most_hz = 1000.0 / 60.0
+    config = msgspec.structs.replace(load_config(runs / "flat"), range_hz=(-most_hz, most_hz))
+    again = make_parser().parse_args(shlex.split(write_learn_command(config))[1:])
+    driven = make_parser().parse_args(
+        shlex.split(write_trial_command(Gait((most_hz, -most_hz, 1.2346)), "", config))[1:]
+    )
+
+    assert tuple(again.range_hz) == config.range_hz
+    assert driven.frequency_hz == [16.666, -16.666, 1.235]
+
+
 @pytest.mark.parametrize(
     "run",
     [
