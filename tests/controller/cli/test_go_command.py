@@ -159,9 +159,9 @@ def test_go_shown_live_moves_exactly_as_it_does_unseen(
     on_trial, close = LiveView.on_trial, LiveView.close
     monkeypatch.setattr(LiveView, "on_trial", lambda view, logged: (shown.append(logged), on_trial(view, logged)))
     monkeypatch.setattr(LiveView, "close", lambda view: (frames.append(view.frames), close(view)))
-    call(capsys, *go(moves, tmp_path / "unseen", "-0.04", "0", "--time", "2"))
+    call(capsys, *go(moves, tmp_path / "unseen", "-0.12", "0", "--time", "6"))
 
-    status, _, err = call(capsys, *go(moves, tmp_path / "seen", "-0.04", "0", "--time", "2", "--live"))
+    status, _, err = call(capsys, *go(moves, tmp_path / "seen", "-0.12", "0", "--time", "6", "--live"))
 
     assert (status, gaits_of(tmp_path / "seen")) == (1, gaits_of(tmp_path / "unseen"))
     assert "type rerun --connect rerun+http://127.0.0.1:" in err
