@@ -9,7 +9,6 @@ python -m benchmarks.camera --json
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import random
@@ -23,6 +22,7 @@ import numpy as np
 
 from benchmarks.camera_hidden import occlusions, set_points
 from benchmarks.camera_learning import learning
+from benchmarks.figures import make_parser
 from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.values import Pose, Vector
 from vvvaltr.drivers.trackers.camera.feed import FLOOR_M, LENS, TAG, mock_view
@@ -171,12 +171,17 @@ def main() -> None:
     import cv2
 
     cv2.setNumThreads(1)
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--trials", type=int, default=20, help="rendered trials of a twin")
-    parser.add_argument("--occlusions", type=int, default=1000)
-    parser.add_argument("--learn-trials", type=int, default=8)
-    parser.add_argument("--set-points", type=float, default=60.0, metavar="S", help="seconds of set-points, twice")
+    parser = make_parser(__doc__)
+    parser.add_argument("--trials", type=int, default=20, help="number of rendered trials of a twin")
+    parser.add_argument("--occlusions", type=int, default=1000, help="how often the robot is hidden")
+    parser.add_argument("--learn-trials", type=int, default=8, help="number of trials of a run that sees by the camera")
+    parser.add_argument(
+        "--set-points",
+        type=float,
+        default=60.0,
+        metavar="S",
+        help="time of set-points in s, without a camera and again with one",
+    )
     arguments = parser.parse_args()
     trials = [trial(seed) for seed in range(arguments.trials)]
     figures: dict[str, Any] = {

@@ -8,7 +8,6 @@ python -m benchmarks.faults --json
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import random
@@ -24,6 +23,7 @@ from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
 
+from benchmarks.figures import make_parser
 from benchmarks.observed import Change, ObservedDevice
 from vvvaltr.controller.core.errors import DeviceError, TrackingLost, UserError
 from vvvaltr.controller.core.records import LoggedTrial
@@ -154,8 +154,7 @@ def _watch(run: RunDirectory, observed: ObservedDevice) -> Counter[str]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser = make_parser(__doc__)
     parser.add_argument("--faults", type=int, default=1000, help="number of faults over all devices (default 1000)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the faults (default 0)")
     parser.add_argument("--poses", action="store_true", help="faults of poses alone")

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import json
-from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from argparse import SUPPRESS, Action, ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Mapping
+
+
+class _Formatter(RawDescriptionHelpFormatter):
+    """Leaves the docstring as it is written, and tells each default that is one."""
+
+    def _get_help_string(self, action: Action) -> str | None:
+        default, text = action.default, action.help or ""
+        if default is None or default is False or default in ("", [], SUPPRESS) or "(default" in text:
+            return text
+        return f"{text} (default {' '.join(map(str, default)) if isinstance(default, (list, tuple)) else default})"
 
 
 def make_parser(description: str | None) -> ArgumentParser:
     """Return a parser with the option ``--json``; ``description`` is the benchmark's docstring."""
-    parser = ArgumentParser(description=description, formatter_class=RawDescriptionHelpFormatter)
+    parser = ArgumentParser(description=description, formatter_class=_Formatter)
     parser.add_argument("--json", action="store_true", help="print one JSON object last")
     return parser
 

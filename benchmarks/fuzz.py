@@ -5,7 +5,6 @@ python -m benchmarks.fuzz --json
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import random
@@ -15,6 +14,7 @@ from collections.abc import Iterator
 
 from benchmarks.decoder import Decoder
 from benchmarks.decoders import make_decoders
+from benchmarks.figures import make_parser
 
 CHUNK_BYTES = 64
 """Greatest size of a random chunk."""
@@ -79,8 +79,7 @@ def abort() -> None:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser = make_parser(__doc__)
     parser.add_argument(
         "--count", type=int, default=1_000_000, help="bytes or frames for each decoder (default a million)"
     )

@@ -5,7 +5,6 @@ python -m benchmarks.fuzz_logs --json
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import copy
 import io
@@ -23,6 +22,7 @@ from typing import Any
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 
+from benchmarks.figures import make_parser
 from vvvaltr.controller.cli.main import main as vvvaltr
 from vvvaltr.controller.runs.log import _KINDS, LOG_NAME
 from vvvaltr.controller.runs.schema.mcap_file import describe, read_entries
@@ -210,10 +210,9 @@ def campaign(count: int, seed: int) -> list[str]:
 
 def main() -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=500, help="spoilt logs")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", action="store_true")
+    parser = make_parser(__doc__)
+    parser.add_argument("--count", type=int, default=500, help="number of spoilt logs")
+    parser.add_argument("--seed", type=int, default=0, help="seed of what is spoilt")
     arguments = parser.parse_args()
     complaints = campaign(arguments.count, arguments.seed)
     if arguments.json:

@@ -12,7 +12,6 @@ python -m benchmarks.fuzz_poses --json
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import json
 import math
@@ -24,6 +23,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
+from benchmarks.figures import make_parser
 from benchmarks.fuzz import HANG_S, abort
 from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.controller.core.values import Pose, Vector
@@ -254,10 +254,11 @@ def decoders() -> tuple[PoseDecoder, ...]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
-    parser.add_argument("--count", type=int, default=1_000_000, help="packets for each (default a million)")
-    parser.add_argument("--seed", type=int, default=0)
+    parser = make_parser(__doc__)
+    parser.add_argument(
+        "--count", type=int, default=1_000_000, help="number of packets for each decoder (default a million)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of the packets")
     arguments = parser.parse_args()
     figures: dict[str, dict[str, float]] = {}
     for decoder in decoders():

@@ -22,7 +22,6 @@ that was ended goes on, and with more ``--goals`` it adds to what there is. ``--
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import time
@@ -31,6 +30,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from benchmarks.figures import make_parser
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.gaits import Gait
@@ -317,12 +318,14 @@ def figures(results: list[dict[str, Any]], names: list[str]) -> dict[str, Any]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
-    parser.add_argument("--goals", type=int, default=40, help="for each figure; half for the baselines (default 40)")
+    parser = make_parser(__doc__)
+    parser.add_argument("--goals", type=int, default=40, help="goals of each figure, half of them for the baselines")
     parser.add_argument("--only", default="", help="only figures whose name has this in it")
     parser.add_argument(
-        "--out", type=Path, default=Path("runs/go-figures.jsonl"), help="results, kept and gone on with"
+        "--out",
+        type=Path,
+        default=Path("runs/go-figures.jsonl"),
+        help="file of the results, which goes on where it ended",
     )
     parser.add_argument("--list", action="store_true", help="measure nothing: name the figures")
     parser.add_argument("--show", action="store_true", help="measure nothing: show what the file has")

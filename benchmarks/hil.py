@@ -5,7 +5,6 @@ python -m benchmarks.hil --json
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import random
@@ -23,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.figures import make_parser
 from benchmarks.observed import ObservedDevice
 from vvvaltr.controller.core.errors import TrackingLost
 from vvvaltr.controller.core.gaits import Gait, GaitSpace
@@ -278,8 +278,7 @@ def _show(figures: dict[str, float]) -> dict[str, float]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser = make_parser(__doc__)
     parser.add_argument("--duration", type=float, default=600.0, help="seconds of steady set-points (default 600)")
     parser.add_argument("--commands", type=int, default=500, help="starts and stops of each device (default 500)")
     parser.add_argument("--repeats", type=int, default=5, help="repeats of each way to end (default 5)")

@@ -8,7 +8,6 @@ and is reached within 20 mm, from where the last one left the robot, in at most 
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import pty
@@ -22,6 +21,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from benchmarks.figures import make_parser
 from benchmarks.observed import ObservedDevice
 
 _PROGRAM = (sys.executable, "-c", "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())")
@@ -103,8 +103,7 @@ def command_gaps_s(run: Path) -> list[float]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser = make_parser(__doc__)
     arguments = parser.parse_args()
     found: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as name:

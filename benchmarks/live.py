@@ -5,7 +5,6 @@ python -m benchmarks.live --json
 
 from __future__ import annotations
 
-import argparse
 import json
 import tempfile
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.figures import make_parser
 from benchmarks.observed import ObservedDevice
 from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Robot
@@ -67,10 +67,9 @@ def _spread(values_ms: Sequence[float]) -> dict[str, float]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
-    parser.add_argument("--pairs", type=int, default=10, help="trials with and without the view (default 10)")
-    parser.add_argument("--duration", type=float, default=5.0, help="seconds of each (default 5)")
+    parser = make_parser(__doc__)
+    parser.add_argument("--pairs", type=int, default=10, help="pairs of a trial with and one without the view")
+    parser.add_argument("--duration", type=float, default=5.0, help="time of each trial in s")
     arguments = parser.parse_args()
     with (
         tempfile.TemporaryDirectory() as folder,

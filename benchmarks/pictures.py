@@ -187,8 +187,10 @@ def _finish(picture: Path, crop_bar: bool = False) -> None:
 def main() -> None:
     """Make the pictures."""
     names = ("rerun", "side_by_side", "bare_log", "spatial", "report", "terminal", "landscape")
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", choices=[[], *names], metavar="NAME", help=", ".join(names))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "names", nargs="*", choices=[[], *names], metavar="NAME", help=f"{', '.join(names)} (default all)"
+    )
     wanted = parser.parse_args().names or names
     with tempfile.TemporaryDirectory() as folder:
         studio = Studio(Path(folder))

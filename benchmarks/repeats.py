@@ -7,7 +7,6 @@ A table of a laboratory (``--csv``) has the columns series, protocol, and displa
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 from concurrent.futures import ProcessPoolExecutor
@@ -16,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.figures import make_parser
 from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.streams import stream
@@ -63,15 +63,16 @@ def read_table(path: Path) -> dict[str, tuple[float, ...]]:
 
 def main() -> None:
     """Measure, and print a line a series or setting."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--twins", nargs="+", default=["planar", "spatial"])
-    parser.add_argument("--scatters", nargs="*", default=["careful", "hurried"])
-    parser.add_argument("--gaits", type=int, default=20)
-    parser.add_argument("--repeats", type=int, default=30)
-    parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--csv", type=Path)
-    parser.add_argument("--json", action="store_true")
+    parser = make_parser(__doc__)
+    parser.add_argument("--twins", nargs="+", default=["planar", "spatial"], help="twins to measure")
+    parser.add_argument(
+        "--scatters", nargs="*", default=["careful", "hurried"], help="what differs from trial to trial"
+    )
+    parser.add_argument("--gaits", type=int, default=20, help="number of gaits")
+    parser.add_argument("--repeats", type=int, default=30, help="repeats of each gait")
+    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first gait; each has its own")
+    parser.add_argument("--jobs", type=int, default=1, help="number of processes")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="table of a laboratory, to measure as well")
     arguments = parser.parse_args()
     found = read_table(arguments.csv) if arguments.csv else {}
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.gaits)

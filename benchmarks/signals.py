@@ -5,7 +5,6 @@ python -m benchmarks.signals --json
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import random
@@ -18,6 +17,8 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+
+from benchmarks.figures import make_parser
 
 # Up to the entry's first statement this stands in for it, so that every instant after the mark counts.
 _PROGRAM = """
@@ -99,10 +100,9 @@ def campaign(name: str, count: int, seed: int) -> tuple[Counter[int], list[str]]
 
 def main() -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=500, help="signals a command")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", action="store_true")
+    parser = make_parser(__doc__)
+    parser.add_argument("--count", type=int, default=500, help="number of signals for each command")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the instants")
     arguments = parser.parse_args()
     result: dict[str, object] = {}
     for name in COMMANDS:

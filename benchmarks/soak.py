@@ -11,7 +11,6 @@ trials. The method ``bare`` draws gaits and keeps no model: what grows then is w
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import random
@@ -26,6 +25,7 @@ from statistics import median
 from typing import Any
 
 from benchmarks.faults import draw_fault
+from benchmarks.figures import make_parser
 from benchmarks.observed import ObservedDevice
 from vvvaltr.controller.core.ask_tell import complete
 from vvvaltr.controller.core.errors import DeviceError, TrackingLost, UserError
@@ -187,13 +187,14 @@ def _resident_bytes() -> int:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--trials", type=int, default=2000, metavar="N", help="default 2000: about 30 minutes")
-    parser.add_argument("--warm", type=int, default=_WARM, metavar="N", help="memory counts from there on: default 200")
-    parser.add_argument("--device", default="node", metavar="NAME", help="mock (default node)")
-    parser.add_argument("--method", default="random", metavar="NAME", help="or bare (default random)")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the faults (default 1)")
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser = make_parser(__doc__)
+    parser.add_argument(
+        "--trials", type=int, default=2000, metavar="N", help="number of trials (default 2000, about 30 minutes)"
+    )
+    parser.add_argument("--warm", type=int, default=_WARM, metavar="N", help="trial from which on memory counts")
+    parser.add_argument("--device", default="node", metavar="NAME", help="mock to learn on")
+    parser.add_argument("--method", default="random", metavar="NAME", help="method of vvvaltr learn, or bare")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the faults")
     arguments = parser.parse_args()
     found = soak(arguments.trials, arguments.device, arguments.method, arguments.seed, arguments.warm)
     for figure, value in found.items():

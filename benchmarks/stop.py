@@ -8,7 +8,6 @@ line's speed, and the time until the device obeys.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import pty
@@ -24,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.figures import make_parser
 from benchmarks.observed import ObservedDevice
 
 _PROGRAM = (sys.executable, "-c", "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())")
@@ -104,10 +104,9 @@ def stops_ms(name: str, folder: Path, presses: int) -> dict[str, Any]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--presses", type=int, default=200, metavar="N", help="on each device (default 200)")
+    parser = make_parser(__doc__)
+    parser.add_argument("--presses", type=int, default=200, metavar="N", help="presses on each device")
     parser.add_argument("--devices", nargs="+", default=DEVICES, metavar="NAME", help="mocks to measure")
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
     arguments = parser.parse_args()
     found: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as name:

@@ -5,7 +5,6 @@ python -m benchmarks.struts --json
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import os
@@ -19,6 +18,7 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
+from benchmarks.figures import make_parser
 from benchmarks.observed import ObservedDevice
 from vvvaltr.controller.core.errors import DeviceError
 from vvvaltr.controller.core.gaits import Gait
@@ -148,8 +148,7 @@ def _wait_until_on(observed: ObservedDevice) -> None:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object last")
+    parser = make_parser(__doc__)
     parser.add_argument("--repeats", type=int, default=300, help="number of losses over all ways (default 300)")
     parser.add_argument("--seed", type=int, default=0, help="seed of moments and struts (default 0)")
     parser.add_argument("--firmware", default="vvvaltr", help="what the struts run (default vvvaltr)")

@@ -7,13 +7,14 @@ Downloads what ``vvvaltr`` and each extra need for another machine, without buil
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
 import tempfile
 import tomllib
 from pathlib import Path
+
+from benchmarks.figures import make_parser
 
 ROOT = Path(__file__).parent.parent
 # glibc 2.28 and every older one, as pip on the machine itself would accept them.
@@ -41,9 +42,8 @@ def missing(needs: list[str], python_version: str) -> str:
 
 def main() -> int:
     """Print what was found; the status is 1 if anything is missing."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--python-version", default="3.11")
-    parser.add_argument("--json", action="store_true")
+    parser = make_parser(__doc__)
+    parser.add_argument("--python-version", default="3.11", help="Python of the robot's computer")
     arguments = parser.parse_args()
     found = {name: missing(needs, arguments.python_version) for name, needs in parts().items()}
     if arguments.json:

@@ -8,11 +8,11 @@ and what the file has is not measured again.
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from pathlib import Path
 
 from benchmarks.causes import floor, gain, standing, strength, turning
 from benchmarks.causes.rows import Rows
+from benchmarks.figures import make_parser
 
 PARTS = {
     "floor": floor.measure,
@@ -27,19 +27,26 @@ PARTS = {
 
 def main() -> None:
     """Measure one part, and print what was found."""
-    parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
-    parser.add_argument("part", choices=PARTS)
-    parser.add_argument("--seeds", type=int, nargs=2, default=[1000, 1010], metavar=("FIRST", "END"))
-    parser.add_argument("--twin", default="spatial", help="of gain and learning")
-    parser.add_argument("--method", default="drive", help="of gain and learning")
-    parser.add_argument("--scatters", nargs="+", default=["careful", "hurried"], help="of gain and learning")
+    parser = make_parser(__doc__)
+    parser.add_argument("part", choices=PARTS, help="what to measure")
     parser.add_argument(
-        "--looks", nargs="+", type=int, default=[20, 40], help="of gain and learning: after what trials"
+        "--seeds",
+        type=int,
+        nargs=2,
+        default=[1000, 1010],
+        metavar=("FIRST", "END"),
+        help="seeds of the runs; END is not one of them",
     )
-    parser.add_argument("--bodies", nargs="+", default=["prism3", "icosahedron6"], help="of floor")
-    parser.add_argument("--inclines", nargs="+", type=float, default=[0.0, 0.02, 0.05], help="of floor")
-    parser.add_argument("--csv", type=Path, help="of laboratory: a table with the columns series and displacement_mm")
-    parser.add_argument("--out", type=Path, default=Path("causes.jsonl"))
+    parser.add_argument("--twin", default="spatial", help="twin of gain and learning")
+    parser.add_argument("--method", default="drive", help="method of gain and learning")
+    parser.add_argument("--scatters", nargs="+", default=["careful", "hurried"], help="scatters of gain and learning")
+    parser.add_argument(
+        "--looks", nargs="+", type=int, default=[20, 40], help="trials after which gain and learning look"
+    )
+    parser.add_argument("--bodies", nargs="+", default=["prism3", "icosahedron6"], help="bodies of floor")
+    parser.add_argument("--inclines", nargs="+", type=float, default=[0.0, 0.02, 0.05], help="inclines of floor in rad")
+    parser.add_argument("--csv", type=Path, help="table of laboratory, with the columns series and displacement_mm")
+    parser.add_argument("--out", type=Path, default=Path("causes.jsonl"), help="file of the finished runs")
     arguments = parser.parse_args()
     if arguments.part == "laboratory" and arguments.csv is None:
         parser.error("the part laboratory reads a table of repeats: give --csv FILE")

@@ -211,7 +211,7 @@ def _save_recording(run: Path, arguments: Namespace) -> None:
 def _prose(result: dict[str, Any]) -> str:
     from vvvaltr.controller.loop.summary import tell_causes
 
-    outcomes = ", ".join(f"{count} {name}" for name, count in result["outcomes"].items())
+    outcomes = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in result["outcomes"].items())
     lines = (
         *_prose_of_best(result),
         f"trials     {result['trials']}" + (f" ({outcomes})" if outcomes else ""),
