@@ -17,7 +17,7 @@ from vvvaltr.controller.runs.log import LOG_NAME
 _PROC = Path("/proc")
 _ENDING_S, _LOOK_S = 10.0, 0.01
 # They turn motors and write no log, or need not.
-_DRIVING = frozenset({"check", "calibrate", "trial", "floor", "camera", "track"})
+_DRIVING = frozenset({"check", "calibrate", "trial", "compare", "floor", "camera", "track"})
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,12 +82,13 @@ def test_a_run_that_does_not_exist_is_one_line(tmp_path: Path, capsys: pytest.Ca
     )
 
 
-def test_a_command_that_turns_motors_without_a_log_is_found(tmp_path: Path) -> None:
+@pytest.mark.parametrize("command", ["calibrate", "compare"])
+def test_a_command_that_turns_motors_without_a_log_is_found(tmp_path: Path, command: str) -> None:
     program = tmp_path / "vvvaltr"
     program.write_text("import sys; sys.stdin.read()")
-    with subprocess.Popen([sys.executable, str(program), "calibrate", "qik0.toml"], stdin=subprocess.PIPE) as process:
+    with subprocess.Popen([sys.executable, str(program), command, "qik0.toml"], stdin=subprocess.PIPE) as process:
         found = {each.process: each.what for each in find_all()}
         assert process.stdin is not None
         process.stdin.close()
 
-    assert found[process.pid] == "vvvaltr calibrate"
+    assert found[process.pid] == f"vvvaltr {command}"
