@@ -21,10 +21,9 @@ from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Clock, Robot
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Outcome, Pose, Suggestion
-from vvvaltr.controller.loop.movement import complete_record
-from vvvaltr.controller.loop.scoring import score
+from vvvaltr.controller.loop.one_trial import make_trial
 from vvvaltr.controller.loop.steersman import PrimitiveSettings, primitive_settings
-from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
+from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.transfer.steering.arcs import travel
 from vvvaltr.transfer.steering.repertoire import Repertoire
 
@@ -125,7 +124,8 @@ def jog(
         if key is None:
             return
         watch = _HoldWatch(keyboard, held, key, robot.clock)
-        logged = _hold(robot, gaits[key], key, _held_settings(settings, watch), number, record)
+        suggestion = Suggestion(gaits[key], f"{ORIGIN}: {key}")
+        logged = make_trial(robot, suggestion, _held_settings(settings, watch), number, record)
         yield logged
         if logged.trial.outcome is Outcome.INTERRUPTED:
             raise KeyboardInterrupt(logged.trial.reason)
@@ -148,26 +148,6 @@ def _wait_for_key(keyboard: Keyboard, held: HeldKey, gaits: Mapping[Key, Gait], 
 
 def _held_settings(settings: TrialSettings, watch: _HoldWatch) -> PrimitiveSettings:
     return primitive_settings(replace(settings, settle_s=0.0), _LONGEST_S, watch)
-
-
-def _hold(
-    robot: Robot,
-    gait: Gait,
-    key: Key,
-    settings: PrimitiveSettings,
-    number: int,
-    record: Callable[[LoggedTrial], None],
-) -> LoggedTrial:
-    suggestion = Suggestion(gait, f"{ORIGIN}: {key}")
-    try:
-        trial = run_trial(robot, gait, settings, number)
-    except TrialCrashed as crash:
-        record(LoggedTrial(suggestion, crash.trial, None, None))
-        raise
-    speed_m_s = score(trial) if trial.outcome.is_valid else None
-    logged = complete_record(suggestion, trial, speed_m_s)
-    record(logged)
-    return logged
 
 
 class PacedClock:

@@ -14,10 +14,8 @@ from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Outcome, Phase, Suggestion
-from vvvaltr.controller.loop.causes import fault_standing_motor
-from vvvaltr.controller.loop.movement import complete_record
-from vvvaltr.controller.loop.scoring import score
-from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
+from vvvaltr.controller.loop.one_trial import make_trial
+from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.transfer.causes.evidence import difference, find_best
 from vvvaltr.transfer.causes.standing import describe_standing
 
@@ -144,15 +142,9 @@ def _try_until_valid(
 ) -> Iterator[LoggedTrial]:
     suggestion = Suggestion(contest.gaits[index], "comparison", phase=Phase.ASKED)
     for failures in range(1, _FAILURES_IN_A_ROW + 1):
-        try:
-            trial = fault_standing_motor(run_trial(robot, suggestion.gait, settings, next(numbers)))
-        except TrialCrashed as crash:
-            record(complete_record(suggestion, crash.trial))
-            raise
-        speed_m_s = score(trial, contest.score_name) if trial.outcome.is_valid else None
-        logged = complete_record(suggestion, trial, speed_m_s)
-        record(logged)
+        logged = make_trial(robot, suggestion, settings, next(numbers), record, contest.score_name)
         yield logged
+        trial = logged.trial
         if trial.outcome.is_valid:
             return
         if trial.outcome is Outcome.INTERRUPTED:

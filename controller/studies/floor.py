@@ -11,11 +11,10 @@ from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Outcome, Phase, Suggestion
-from vvvaltr.controller.loop.causes import fault_standing_motor, find_drift_in, have_turned
-from vvvaltr.controller.loop.movement import complete_record
+from vvvaltr.controller.loop.causes import find_drift_in, have_turned
+from vvvaltr.controller.loop.one_trial import make_trial
 from vvvaltr.controller.loop.safety import GuardedRobot, Limits
-from vvvaltr.controller.loop.scoring import score
-from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
+from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import Rig, make_twin
 from vvvaltr.transfer.causes.floor import Drift
@@ -84,14 +83,9 @@ def survey_floor(
     while done < trials:
         number += 1
         turn(number, math.tau * done / trials)
-        try:
-            trial = fault_standing_motor(run_trial(robot, gait, settings, number))
-        except TrialCrashed as crash:
-            record(complete_record(suggestion, crash.trial))
-            raise
-        logged = complete_record(suggestion, trial, score(trial) if trial.outcome.is_valid else None)
-        record(logged)
+        logged = make_trial(robot, suggestion, settings, number, record)
         yield logged
+        trial = logged.trial
         if trial.outcome is Outcome.INTERRUPTED:
             raise KeyboardInterrupt(trial.reason)
         done, failures = (done + 1, 0) if trial.outcome.is_valid else (done, failures + 1)

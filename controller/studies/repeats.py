@@ -9,9 +9,8 @@ from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Robot
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Estimate, Outcome, Phase, Suggestion
-from vvvaltr.controller.loop.movement import complete_record
-from vvvaltr.controller.loop.scoring import score
-from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
+from vvvaltr.controller.loop.one_trial import make_trial
+from vvvaltr.controller.loop.trial_runner import TrialSettings
 
 ORIGIN = "asked for"
 """Origin of the suggestions that a person made."""
@@ -44,17 +43,11 @@ def repeat_trial(
     """
     failures, suggestion = 0, Suggestion(gait, ORIGIN, phase=Phase.ASKED)
     for number in range(1, repeats + 1):
-        try:
-            trial = run_trial(robot, gait, settings, number)
-        except TrialCrashed as crash:
-            record(complete_record(suggestion, crash.trial))
-            raise
-        speed_m_s = score(trial, score_name) if trial.outcome.is_valid else None
-        logged = complete_record(suggestion, trial, speed_m_s)
-        record(logged)
+        logged = make_trial(robot, suggestion, settings, number, record, score_name)
         yield logged
-        failures = 0 if trial.outcome.is_valid else failures + 1
-        if trial.outcome is Outcome.INTERRUPTED or failures == _FAILURES_IN_A_ROW:
+        outcome = logged.trial.outcome
+        failures = 0 if outcome.is_valid else failures + 1
+        if outcome is Outcome.INTERRUPTED or failures == _FAILURES_IN_A_ROW:
             return
 
 

@@ -16,9 +16,8 @@ from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import LoggedTrial, Run
 from vvvaltr.controller.core.streams import stream
 from vvvaltr.controller.core.values import Outcome, Suggestion
-from vvvaltr.controller.loop.movement import NO_HEADING, complete_record, lacks_heading
-from vvvaltr.controller.loop.scoring import score
-from vvvaltr.controller.loop.trial_runner import TrialCrashed, run_trial
+from vvvaltr.controller.loop.movement import NO_HEADING, lacks_heading
+from vvvaltr.controller.loop.one_trial import make_trial
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.runs.config import load_config
 from vvvaltr.controller.runs.log import read_run
@@ -106,7 +105,7 @@ class RepertoireRun:
             number = len(self.run.trials) + 1
             random = stream(config.seed, number, METHOD)
             chosen = next_gait(self.repertoire, config.range_hz, robot.motors.motor_count, random)
-            logged = self._try(Suggestion(chosen.gait, chosen.why), number, settings)
+            logged = make_trial(robot, Suggestion(chosen.gait, chosen.why), settings, number, self.run.record)
             yield logged
             if config.robot.name != "planar" and lacks_heading(logged.trial):
                 raise UserError(NO_HEADING)
@@ -122,17 +121,6 @@ class RepertoireRun:
         """Stop the motors, let go of the robot and close the log."""
         with closing(self.run), closing(self._rig.robot):
             pass
-
-    def _try(self, suggestion: Suggestion, number: int, settings: Any) -> LoggedTrial:
-        try:
-            trial = run_trial(self._rig.robot, suggestion.gait, settings, number)
-        except TrialCrashed as crash:
-            self.run.record(LoggedTrial(suggestion, crash.trial, None, None))
-            raise
-        speed_m_s = score(trial) if trial.outcome.is_valid else None
-        logged = complete_record(suggestion, trial, speed_m_s)
-        self.run.record(logged)
-        return logged
 
 
 def put_together(paths: Sequence[Path], out: Path) -> Repertoire:
