@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.gaits import allow_negative_gaits, read_gait
 from vvvaltr.controller.cli.options import DURATION, TWINS, add_robot_arguments, asked_robot, trial_duration, whole
-from vvvaltr.controller.cli.telling import bar, say
+from vvvaltr.controller.cli.telling import ask, bar, say
 from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def _ask_to_turn(arguments: Namespace) -> Turn:
         degrees = math.degrees(heading_rad)
         say(arguments, f"trial {number}: turn the robot to about {degrees:.0f} degrees from where it headed first")
         if sys.stdin.isatty():
-            input("press Enter when it lies still: ")
+            ask("press Enter when it lies still: ")
 
     return turn
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.keyboard import is_at_keyboard
 from vvvaltr.controller.cli.options import whole
-from vvvaltr.controller.cli.telling import say
+from vvvaltr.controller.cli.telling import ask, say
 from vvvaltr.controller.core.errors import DeviceError, UserError, one_line_errors
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _ask(likely: list[Candidate]) -> Candidate:
         names = ", ".join(f"--driver {it.driver} --port {it.address}" for it in likely)
         raise UserError(f"several devices may be meant; choose one: {names}")
     while True:
-        answer = input(f"which one drives the motors (1 to {len(likely)})? ")
+        answer = ask(f"which one drives the motors (1 to {len(likely)})? ")
         if answer.isdecimal() and 1 <= int(answer) <= len(likely):
             return likely[int(answer) - 1]
 

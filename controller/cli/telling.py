@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.printable import printable
 
 if TYPE_CHECKING:
@@ -52,6 +53,15 @@ def say(arguments: Namespace, line: str) -> None:
     if not arguments.quiet:
         with to_whoever_listens():
             print(printable(line), file=sys.stderr, flush=True)
+
+
+def ask(question: str) -> str:
+    """Return the person's answer to a question, which stands on standard error. Raises UserError if none will come."""
+    with to_whoever_listens():
+        print(printable(question), end="", file=sys.stderr, flush=True)
+    if not (line := sys.stdin.readline()):
+        raise UserError(f"the input ended before an answer to: {question.strip()}")
+    return line.strip()
 
 
 def say_above(progress: tqdm[Any], line: str) -> None:

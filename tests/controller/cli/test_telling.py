@@ -1,7 +1,9 @@
 """What is told on standard error: by default progress, with --verbose each step, with --quiet errors alone."""
 
+import io
 import json
 import logging
+import math
 import os
 import pty
 import select
@@ -14,8 +16,10 @@ from pathlib import Path
 
 import pytest
 
+from vvvaltr.controller.cli import floor
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.cli.telling import logs_on_standard_error
+from vvvaltr.controller.core.errors import UserError
 
 TRIAL = ("trial", "12", "-14", "9", "--duration", "0.2", "--repeats", "2")
 VVVALTR = (sys.executable, "-m", "vvvaltr")
@@ -26,6 +30,28 @@ def told(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> str:
     out, err = capsys.readouterr()
     json.loads(out.splitlines()[-1])
     return err
+
+
+class Terminal(io.StringIO):
+    """What a person types."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_question_leaves_standard_output_to_the_results(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", Terminal("\n"))
+    turn = floor._ask_to_turn(Namespace(quiet=False))
+
+    turn(1, 0.0)
+    with pytest.raises(UserError, match="the input ended before an answer to: press Enter when it lies still"):
+        turn(2, math.pi)
+
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "trial 2: turn the robot to about 180 degrees" in err
 
 
 def test_by_default_the_progress_is_told(capsys: pytest.CaptureFixture[str]) -> None:
