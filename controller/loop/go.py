@@ -42,7 +42,7 @@ class Ending:
     Args:
         reached: whether the robot rests near enough to the last goal.
         reason: why it was given up; empty where it was reached.
-        position_m: x and y where it rests.
+        position_m: x and y where it rests; NaN, as what follows from it, where it was never seen.
         yaw_rad: its heading there.
         error_m: distance from the last goal.
         duration_s: time the motors were driven.
@@ -92,7 +92,7 @@ class Journey:
         self._spent_s = 0.0
         self._failures = self._useless = 0
         self._reason = ""
-        self._last = Pose(0.0, (0.0, 0.0, 0.0))
+        self._last = Pose(0.0, (math.nan,) * 3, math.nan)
 
     def watch(self, put_around: Callable[[Robot], Robot]) -> None:
         """Put something around the robot that follows it during each primitive."""

@@ -144,10 +144,12 @@ class GoRun:
         self._followers.show(logged)
 
     def summarise(self) -> dict[str, Any]:
-        """Write `summary.json` and return what is in it."""
+        """Write `summary.json` and return what is in it; what is not known is None."""
         ending = self._journey.ending
         result = {"run": str(self.run.path), "robot": self.run.config.robot.name, **asdict(ending)}
         result["position_m"] = list(ending.position_m)
+        if math.isnan(ending.error_m):
+            result |= dict.fromkeys(("position_m", "yaw_rad", "error_m"))
         self.run.summarise(result)
         return result
 

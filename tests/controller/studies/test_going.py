@@ -16,7 +16,14 @@ from vvvaltr.controller.core.values import Suggestion
 from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
-from vvvaltr.controller.studies.going import Errand, _load_errand, check_errand, read_goals, usable_repertoire
+from vvvaltr.controller.studies.going import (
+    Errand,
+    GoRun,
+    _load_errand,
+    check_errand,
+    read_goals,
+    usable_repertoire,
+)
 from vvvaltr.controller.studies.steering_run import SteeringRun, load_repertoire, steering_config
 
 SPATIAL, ROBOT = RobotChoice("spatial"), RobotChoice("robot.toml", file={})
@@ -30,6 +37,16 @@ def run_of(path: Path, table: Mapping[Gait, Velocity]) -> Path:
         for trial in tried(GlidingRobot(dict(table)), 2):
             run.record(LoggedTrial(Suggestion(trial.gait, "tried"), trial, None, None))
     return path
+
+
+def test_a_robot_that_was_never_seen_is_nowhere(tmp_path: Path) -> None:
+    source = run_of(tmp_path / "moves", {gait: (0.01 * number, 0.0, 0.0) for number, gait in enumerate(GAITS, start=1)})
+
+    with closing(GoRun.create(tmp_path / "go", {"name": "planar"}, 0, [source], Errand(((0.0, 0.0, None),)))) as run:
+        found = run.summarise()
+
+    assert (found["reached"], found["position_m"], found["error_m"]) == (False, None, None)
+    assert json.loads((tmp_path / "go" / "summary.json").read_text())["yaw_rad"] is None
 
 
 def test_a_goal_outside_the_arena_is_refused() -> None:
