@@ -71,6 +71,13 @@ class Drive:
         return len(self.frequencies) > 0
 
     @property
+    def rest(self) -> Array:
+        """The place (d,) at which all motors are off, outside of the unit cube where a frequency cannot be 0."""
+        place = np.full(len(self.low), 0.5)
+        place[self.frequencies] = -self.low[self.frequencies] / self.span[self.frequencies]
+        return place
+
+    @property
     def can_beat(self) -> bool:
         """Whether motors can turn so much alike that chance decides what a gait does; see ``beating``."""
         return len(self.frequencies) > 1 and not self.is_phased

@@ -22,12 +22,20 @@ LEVEL_SD = 0.5
 """Standard deviation of the mean score, whose prior mean is 0."""
 
 
+def begin_at_rest(drive: Drive, trials: Trials) -> Trials:
+    """Return trials behind one that nobody needs to run: with all motors off a robot stays where it is."""
+    if not drive.has_meaning:
+        return trials
+    return Trials(drive.rest[None, :], np.zeros(1), 0.0).then(trials)
+
+
 def observe_drive(drive: Drive, trials: Trials, scale: Scale, dead_zone: float) -> Observations:
     """Return trials as observations of what the drive leaves to explain."""
-    rise = drive.trend(trials.x, np.array([dead_zone]))[0]
-    bare = couple_beating(drive, trials.observe(scale))
+    known = begin_at_rest(drive, trials)
+    rise = drive.trend(known.x, np.array([dead_zone]))[0]
+    bare = couple_beating(drive, known.observe(scale))
     return replace(
-        bare, y=bare.y - RISE * rise, trend=np.stack([RISE_SD * rise, np.full(len(trials), LEVEL_SD)], axis=1)
+        bare, y=bare.y - RISE * rise, trend=np.stack([RISE_SD * rise, np.full(len(known), LEVEL_SD)], axis=1)
     )
 
 

@@ -14,7 +14,7 @@ from vvvaltr.controller.core.streams import stream
 from vvvaltr.transfer.bayes.alike import Alike
 from vvvaltr.transfer.bayes.belief import Belief, refit
 from vvvaltr.transfer.bayes.drive import Drive, places_on_bounds
-from vvvaltr.transfer.bayes.driven import Driven, observe_drive, rise_of
+from vvvaltr.transfer.bayes.driven import Driven, begin_at_rest, observe_drive, rise_of
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.initial_design import propose_design
 from vvvaltr.transfer.bayes.proposal import Proposal, begin_with
@@ -142,7 +142,7 @@ def learn_driven(
     space: GaitSpace, drive: Drive, trials: Trials, last: Fitted | None, rng: np.random.Generator
 ) -> Belief:
     """Return what one or more trials say by themselves, with the drive and dead zone that they bear out."""
-    scale = Scale.of(trials.scores)
+    scale = Scale.of(begin_at_rest(drive, trials).scores)
     zone = 0.0 if last is None else last.learned[DEAD_ZONE]
     fitted = follow(
         trials,
@@ -171,6 +171,7 @@ def believe(space: GaitSpace, scale: Scale, fitted: Conditioned, hypotheses: Hyp
     return replace(
         belief,
         posterior=hypotheses.posterior(),
+        seen=fitted.rows.x,
         hyperparameters=names,
         drive=hypotheses.drive,
     )

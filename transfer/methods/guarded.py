@@ -14,7 +14,7 @@ from vvvaltr.controller.core.values import Source
 from vvvaltr.transfer.bayes.acquisition import Posterior
 from vvvaltr.transfer.bayes.belief import Belief, learn_alone
 from vvvaltr.transfer.bayes.drive import Drive
-from vvvaltr.transfer.bayes.driven import LEVEL_SD, RISE, RISE_SD, Driven, couple_beating, observe_drive
+from vvvaltr.transfer.bayes.driven import LEVEL_SD, RISE, RISE_SD, Driven, begin_at_rest, couple_beating, observe_drive
 from vvvaltr.transfer.bayes.earlier_run import EarlierRun, learn_sources, propose_best
 from vvvaltr.transfer.bayes.fitting import Prior, fit
 from vvvaltr.transfer.bayes.gp import GaussianProcess
@@ -154,7 +154,8 @@ def learn_with_doubt(
     if not goes_on(last, fitted):
         zone = alone.zones[alone.best()]
         fitted = replace(fitted, process=alone.processes[alone.best()], learned={DEAD_ZONE: zone})
-    coupled = [couple_drive(drive, runs, fitted.rows, scale, choice, zone) for choice in correlations[1:]]
+    known = begin_at_rest(drive, fitted.rows)
+    coupled = [couple_drive(drive, runs, known, scale, choice, zone) for choice in correlations[1:]]
     processes = follow_hypotheses(fitted, before[len(alone.processes) :], coupled)
     weights = probabilities
     if len(trials) > 1:  # the common scale is fitted to the first trial, which therefore decides nothing

@@ -91,6 +91,31 @@ def belief_of(x: np.ndarray, scores: np.ndarray, space: GaitSpace = SIGNED) -> d
     return dict(belief.hyperparameters)
 
 
+@pytest.mark.parametrize("seed", [0, 1, 5])
+def test_a_gait_with_all_motors_off_is_not_tried_although_strong_gaits_are_slow(seed: int) -> None:
+    optimizer, rng = DriveBO(ONE_SENSE, seed), np.random.default_rng(seed)
+    for _ in range(10):
+        gait = optimizer.ask().gait
+        u = np.array(gait.frequency_hz) / 16.0
+        assert u.max() > 0.2
+        score = 0.02 * np.linalg.norm(u) * (1.2 - 0.25 * u.sum()) * np.exp(0.1 * rng.normal())
+        optimizer.tell(gait, float(score))
+
+
+def test_a_robot_is_known_to_stay_where_it_is_while_all_motors_are_off() -> None:
+    off, weak = Gait((0.0, 0.0, 0.0)), Gait((3.0, 3.0, 3.0))
+    optimizer = DriveBO(ONE_SENSE, 0)
+    search(optimizer, 6)
+    known, other = optimizer.predict([off, weak])
+    assert known.low <= 0.0 <= known.high
+    assert known.high - known.low < 0.5 * (other.high - other.low)
+
+
+@pytest.mark.parametrize("space", [SIGNED, GaitSpace.over(3, 8.0, 16.0)])
+def test_the_place_at_which_all_motors_are_off_is_that_of_no_frequency(space: GaitSpace) -> None:
+    assert Drive.of(space).rest == pytest.approx(space.to_unit(Gait((0.0, 0.0, 0.0))))
+
+
 def test_data_decide_whether_more_drive_moves_more() -> None:
     x = np.random.default_rng(5).random((25, 3))
     drive = Drive.of(SIGNED).trend(x, np.zeros(1))[0]
