@@ -69,11 +69,11 @@ def _execute(arguments: Namespace) -> Answer:
 def _choose(arguments: Namespace) -> RobotChoice:
     """Return the robot that was asked for; else the first run's own."""
     from vvvaltr.controller.robot.opening import choose_robot
-    from vvvaltr.controller.runs.config import CONFIG_NAME, load_config
+    from vvvaltr.controller.runs.config import CONFIG_NAME, load_config, resumed_config
 
     asked = asked_robot(arguments)
     runs = [Path(text) for text in arguments.gaits if not is_gait(text) and (Path(text) / CONFIG_NAME).exists()]
-    return load_config(runs[0]).robot if runs and not asked else choose_robot(asked)
+    return resumed_config(runs[0], load_config(runs[0]), None).robot if runs and not asked else choose_robot(asked)
 
 
 def _compare(rig: Rig, comparison: Comparison, robot: str, arguments: Namespace) -> None:

@@ -97,9 +97,12 @@ def check_config(config: RunConfig, spell: Callable[[str], str] = str) -> None:
         raise ValueError(f"{spell('range_hz')} {low_hz:g} {high_hz:g} is empty: give the lower frequency first")
 
 
-def save_config(config: RunConfig, path: Path) -> None:
-    """Write ``config`` as TOML; what is None is left out. Raises OSError."""
-    sealed = msgspec.structs.replace(config, seal=seal(config.robot))
+def save_config(config: RunConfig, path: Path, seals: bool = True) -> None:
+    """Write ``config`` as TOML; what is None is left out. Raises OSError.
+
+    ``seals`` says whether this user has opened the robot's addresses, so that they may be opened again unasked.
+    """
+    sealed = msgspec.structs.replace(config, seal=seal(config.robot) if seals else "")
     write_whole(path, tomli_w.dumps(_without_none(msgspec.to_builtins(sealed))))
 
 

@@ -30,7 +30,7 @@ def seal(robot: RobotChoice) -> str:
 
 
 def choose_resumed_robot(run: Path, robot: RobotChoice, sealed: str, named: str | None) -> RobotChoice:
-    """Return the robot with which a run goes on.
+    """Return the robot with which a run goes on, or which is driven again.
 
     Args:
         run: the run's folder.
@@ -48,7 +48,7 @@ def choose_resumed_robot(run: Path, robot: RobotChoice, sealed: str, named: str 
     if not (sealed and hmac.compare_digest(sealed, seal(robot))):
         raise UserError(
             f"{run} was not made by you on this computer, so the ports and addresses in its run.toml are not opened: "
-            f"name your robot's file, --resume {run} --robot FILE.toml"
+            "name your robot's file, --robot FILE.toml"
         )
     return robot
 

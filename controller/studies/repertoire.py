@@ -139,7 +139,8 @@ def put_together(paths: Sequence[Path], out: Path) -> Repertoire:
     source = load_repertoire(began) if began else None
     config = msgspec.structs.replace(configs[0], method=METHOD, sources=tuple(map(str, paths)))
     structure = next((run.structure for run in map(read_run, paths) if run.structure), None)
-    with closing(SteeringRun.create(out, config, Run(structure), source)) as run:
+    # The robot is that of whoever made the first run: its addresses are not opened, and not trusted later.
+    with closing(SteeringRun.create(out, config, Run(structure), source, seals=False)) as run:
         for path in plain:
             for logged in read_run(path).trials:
                 run.record(logged)

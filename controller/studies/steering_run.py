@@ -36,7 +36,15 @@ class SteeringRun:
         self._log = log
 
     @classmethod
-    def create(cls, path: Path, config: RunConfig, head: Run, source: Repertoire | None = None, **files: Any) -> Self:
+    def create(
+        cls,
+        path: Path,
+        config: RunConfig,
+        head: Run,
+        source: Repertoire | None = None,
+        seals: bool = True,
+        **files: Any,
+    ) -> Self:
         """Begin a new run.
 
         Args:
@@ -44,6 +52,7 @@ class SteeringRun:
             config: goes to run.toml.
             head: how the robot is built.
             source: the repertoire that it begins with.
+            seals: see ``save_config``.
             files: what else stands beside the log: NAME.json for each name.
 
         Raises:
@@ -57,7 +66,7 @@ class SteeringRun:
         with ExitStack() as undo:
             try:
                 with new_folder(path) as fresh:
-                    save_config(config, fresh / "run.toml")
+                    save_config(config, fresh / "run.toml", seals)
                     for name, content in files.items():
                         write_whole(fresh / f"{name}.json", json.dumps(content, indent=1) + "\n")
                     log = undo.enter_context(RunLog.create(fresh / LOG_NAME, head.structure, (), _about(config)))

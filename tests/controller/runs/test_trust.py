@@ -6,9 +6,12 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from gliding import GlidingRobot, tried
 
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.records import LoggedTrial
+from vvvaltr.controller.core.values import Estimate, Recommendation, Suggestion
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.robot_file import load_robot_file
 from vvvaltr.controller.runs.config import RunConfig, load_config, resumed_config, save_config
@@ -21,7 +24,7 @@ port = 9763
 [[line]]
 driver = "node"
 port = "/dev/ttyACM70"
-motor = [{ max_hz = 15.0 }]
+motor = [{ max_hz = 15.0 }, { max_hz = 15.0 }, { max_hz = 15.0 }]
 """
 
 
@@ -39,7 +42,10 @@ def run(robot_file: Path, tmp_path: Path) -> Path:
     choice = RobotChoice(name=str(robot_file), file=msgspec.to_builtins(load_robot_file(robot_file)))
     config = RunConfig(choice, "plain", (), 0, 4, 1.0, "net", ("frequency",), (-15.0, 15.0))
     save_config(config, folder / "run.toml")
-    RunLog.create(folder / LOG_NAME, None).close()
+    with RunLog.create(folder / LOG_NAME, None) as log:
+        for trial in tried(GlidingRobot(), 2):
+            best = Recommendation(trial.gait, Estimate(0.02, 0.01, 0.03))
+            log.append(LoggedTrial(Suggestion(trial.gait, "tried"), trial, 0.02, best))
     return folder
 
 
@@ -59,10 +65,35 @@ def test_a_run_of_another_computer_asks_for_the_robots_file(
     on_another_computer(monkeypatch, tmp_path)
 
     assert main(["learn", "--resume", str(run)]) == 1
-    assert f"name your robot's file, --resume {run} --robot FILE.toml" in capsys.readouterr().err
+    assert "name your robot's file, --robot FILE.toml" in capsys.readouterr().err
 
     assert main(["learn", "--resume", str(run), "--robot", str(robot_file)]) == 1
     assert "/dev/ttyACM70: there is no such port now" in capsys.readouterr().err
+
+
+def test_to_compare_gaits_of_another_computers_run_on_its_robot_asks_too(
+    run: Path, robot_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    on_another_computer(monkeypatch, tmp_path)
+
+    assert main(["compare", str(run), "1,2,3"]) == 1
+    assert "name your robot's file, --robot FILE.toml" in capsys.readouterr().err
+
+    assert main(["compare", str(run), "1,2,3", "--robot", str(robot_file)]) == 1
+    assert "/dev/ttyACM70: there is no such port now" in capsys.readouterr().err
+
+
+def test_the_movements_of_another_computers_run_are_taken_and_its_addresses_are_not(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    on_another_computer(monkeypatch, tmp_path)
+    mine = tmp_path / "mine"
+
+    assert main(["repertoire", "--from", str(run), "--out", str(mine)]) == 0
+
+    for command in (["learn", "--resume", str(mine)], ["compare", str(mine), "1,2,3", "--trials", "9"]):
+        assert main(command) == 1
+        assert "/dev/ttyACM70" not in capsys.readouterr().err
 
 
 def test_a_run_whose_addresses_were_edited_asks_too(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
