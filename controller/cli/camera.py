@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
-from vvvaltr.controller.cli.options import number, whole
+from vvvaltr.controller.cli.options import number, whole, write_file
 from vvvaltr.controller.cli.telling import say
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 
@@ -92,8 +92,8 @@ def _print_tags(arguments: Namespace, robot: RobotFile, table: CameraTable) -> A
     files = []
     for sheet, page in enumerate(pages, start=1):
         name = f"{stem}-{sheet}" if len(pages) > 1 else str(stem)
-        Path(f"{name}.svg").write_text(svg(page), encoding="utf-8")
-        Path(f"{name}.png").write_bytes(png(page))
+        write_file(Path(f"{name}.svg"), svg(page))
+        write_file(Path(f"{name}.png"), png(page))
         files += [f"{name}.svg", f"{name}.png"]
     prose = f"wrote {', '.join(files)}: print at 100 %, and measure the ruler"
     return Answer(prose, {"files": files, "tags": [] if arguments.board else [tag[0] for tag in tags]})

@@ -52,7 +52,7 @@ def _list_ports() -> Answer:
     lines = [describe(candidate) for candidate in found]
     for kinds, nothing in ((("serial", "slcan"), "no serial port"), (("socketcan",), "no CAN interface")):
         lines += [] if any(it.kind in kinds for it in found) else [f"{nothing} found"]
-    lines += [f"no strut in the air: {silence}"] if silence else []
+    lines += [f"struts were not looked for: {silence}"] if silence else []
     lines.append("vvvaltr init writes a robot's file for the one with your motors, then: vvvaltr check robot.toml")
     data = {
         "serial_ports": [as_data(it) for it in found if it.kind in ("serial", "slcan")],

@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
-from vvvaltr.controller.cli.options import refuse_to_replace, whole
+from vvvaltr.controller.cli.options import refuse_to_replace, whole, write_file
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -16,11 +16,10 @@ def _add_arguments(parser: ArgumentParser) -> None:
 
 
 def _execute(arguments: Namespace) -> Answer:
-    from vvvaltr.controller.core.disk import write_whole
     from vvvaltr.controller.view.foxglove import make_layout
 
     refuse_to_replace(arguments.file, ".json")
-    write_whole(arguments.file, json.dumps(make_layout(arguments.motors), indent=2) + "\n")
+    write_file(arguments.file, json.dumps(make_layout(arguments.motors), indent=2) + "\n")
     how = "in Foxglove, open a run's trials.mcap, then import this file from the menu of layouts"
     return Answer(f"{arguments.file}: {how}", {"layout": str(arguments.file)})
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.keyboard import is_at_keyboard
-from vvvaltr.controller.cli.options import whole
+from vvvaltr.controller.cli.options import whole, write_file
 from vvvaltr.controller.cli.telling import ask, say
 from vvvaltr.controller.core.errors import DeviceError, UserError, one_line_errors
 
@@ -28,7 +28,6 @@ def _add_arguments(parser: ArgumentParser) -> None:
 
 
 def _execute(arguments: Namespace) -> Answer:
-    from vvvaltr.controller.core.disk import write_whole
     from vvvaltr.controller.robot.template import write_robot_file
 
     path: Path = arguments.robot_file
@@ -38,7 +37,7 @@ def _execute(arguments: Namespace) -> Answer:
     with one_line_errors():
         text = write_robot_file(driver, port, arguments.motors, arguments.tracker, struts)
     problem = "" if arguments.no_probe else _probe(text, path, arguments)
-    write_whole(path, text)
+    write_file(path, text)
     lines = [f"wrote      {path}: {arguments.motors} motors on {driver} {port}, tracker {arguments.tracker}".rstrip()]
     lines += [f"no answer  {problem}"] if problem else []
     lines.append(f"next       look through {path}, then: vvvaltr check {path}")

@@ -76,8 +76,20 @@ def heading_limit(text: str) -> float:
     return math.inf if text == "inf" else number(above=0)(text)
 
 
+def write_file(path: Path, content: str | bytes) -> None:
+    """Write a file that a person named, or replace it. Raises UserError where it cannot be written."""
+    from vvvaltr.controller.core.disk import write_whole
+
+    try:
+        write_whole(path, content)
+    except OSError as error:
+        raise UserError(f"{path} cannot be written: {error.strerror}; name another file") from error
+
+
 def refuse_to_replace(path: Path, *endings: str) -> None:
     """Raise UserError where a file of another kind is there, as the log or robot's file that was meant to be read."""
+    if not path.parent.is_dir():
+        raise UserError(f"{path} cannot be written: {path.parent} is no directory; make it, or name another file")
     if path.is_file() and path.suffix.lower() not in endings:
         raise UserError(f"{path} exists and is no {endings[0]} file: name another file, or move it away")
 

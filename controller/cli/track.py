@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 _PURPOSE = "shows what the tracker of a real robot sees"
 _LINE_S, _WINDOW_S = 0.2, 1.0
-_TEST_SHARE, _TEST_HZ = 0.75, 15.0
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -91,7 +90,9 @@ def _measure_response(robot: RobotFile, arguments: Namespace) -> float:
     from vvvaltr.controller.robot.hardware import open_hardware
 
     say(arguments, "the motors will turn")
-    gait = Gait(tuple(min(_TEST_SHARE * motor.max_hz, _TEST_HZ) for motor in robot.motors))
+    # As fast as the search drives them: slower ones may shake the robot by less than the tracker sees.
+    fastest_hz = max(map(abs, robot.range_hz))
+    gait = Gait(tuple(min(motor.max_hz, fastest_hz) for motor in robot.motors))
     with closing(open_hardware(robot)) as hardware:
         return response_s(hardware, gait)
 

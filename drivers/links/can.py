@@ -11,6 +11,8 @@ from typing import Any, Protocol
 
 import can
 
+from vvvaltr.controller.core.errors import NotUnderstood
+from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.drivers.links.link import lost_link
 from vvvaltr.drivers.links.local import PORTS, SERIAL_INTERFACES, claim_bus, claim_port, serial_port_of
 
@@ -71,6 +73,9 @@ class CanLink:
             undo.callback(self._release)
             if not is_mock:
                 PORTS.check_bus(interface, channel, options or {})
+            if interface not in can.VALID_INTERFACES:
+                raise NotUnderstood(unknown("CAN interface", interface, sorted(can.VALID_INTERFACES)))
+            if not is_mock:
                 self._claim = _claim(interface, channel)
             # The person's own configuration of python-can must not change what the robot's file says.
             self._bus = can.Bus(interface=interface, channel=channel, bitrate=bitrate, ignore_config=True, **chosen)

@@ -54,4 +54,4 @@ def _require_bleak() -> None:
     try:
         import bleak  # noqa: F401
     except ModuleNotFoundError:
-        raise UserError("struts on the air need a Bluetooth library; run: pip install 'vvvaltr[ble]'") from None
+        raise UserError("radio struts need a Bluetooth library; run: pip install 'vvvaltr[ble]'") from None

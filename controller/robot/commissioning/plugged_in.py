@@ -87,7 +87,8 @@ def look_around(with_bluetooth: bool = True) -> tuple[list[Candidate], str]:
 
 def identify(port: SerialPort) -> Candidate:
     """Return what a serial port probably is, by its USB numbers and under the name that stays."""
-    driver, what = _USB.get((port.vid or 0, port.pid)) or _USB.get((port.vid or 0, None)) or ("", port.description)
+    told = port.description if port.description != "n/a" else "serial port"
+    driver, what = _USB.get((port.vid or 0, port.pid)) or _USB.get((port.vid or 0, None)) or ("", told)
     return Candidate(lasting_name(port.device), driver, what, "slcan" if driver == "odrive" else "serial")
 
 

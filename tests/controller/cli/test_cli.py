@@ -186,6 +186,8 @@ FAILED = [
     ("learn --resume nowhere", "nowhere"),
     ("check missing.toml", "missing.toml: there is no such file"),
     ("view nowhere", "nowhere"),
+    ("init no/where.toml --driver qik --port /dev/null --no-probe", "no/where.toml cannot be written"),
+    ("foxglove-layout no/where.json", "no is no directory; make it, or name another file"),
 ]
 
 

@@ -163,6 +163,13 @@ def test_what_is_no_file_is_not_replaced(tmp_path: Path, name: str) -> None:
     assert (tmp_path / name).is_fifo()
 
 
+def test_a_file_that_cannot_be_written_is_told_by_its_own_name(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError) as told:
+        write_whole(tmp_path / "no" / "a.toml", "new")
+
+    assert told.value.filename == str(tmp_path / "no" / "a.toml")
+
+
 def test_a_byte_order_mark_is_no_text(tmp_path: Path) -> None:
     (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbfa = 1")
 

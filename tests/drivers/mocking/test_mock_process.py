@@ -235,6 +235,7 @@ def test_a_reader_that_falls_asleep_does_not_hold_up_the_device(tmp_path: Path) 
         (["qik", "--link", "picture"], 1, "picture.toml is not a mock's file and would be overwritten"),
         (["odrive", "--interface", "virtual"], 2, "--interface and --channel go together"),
         (["qik", "--interface", "virtual", "--channel", "x"], 2, "qik has no CAN bus: leave out --interface"),
+        (["odrive", "--interface", "slcn", "--channel", "x"], 2, "unknown CAN interface 'slcn' (did you mean slcan?)"),
         (["quick"], 2, "unknown driver 'quick' (did you mean qik?); choose one of qik, odrive, node"),
     ],
 )

@@ -212,6 +212,14 @@ def test_track_tells_of_every_kind_of_tracker(kind: str, tmp_path: Path, capsys:
     assert data["problems"] == []
 
 
+def test_a_robot_that_slow_motors_do_not_shake_visibly_is_seen_to_start(
+    qik: MockProcess, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The planar twin stays within the tracker's noise at three quarters of its speed."""
+    assert main(["track", qik.greeting.robot_file, "--duration", "0.5", "--response", "--json"]) == 0
+    assert 0.1 < json.loads(capsys.readouterr().out)["response_s"] < 2.0
+
+
 def test_track_of_a_robot_that_is_not_seen_is_one_line_with_the_cure(
     qik: MockProcess, capsys: pytest.CaptureFixture[str]
 ) -> None:
