@@ -143,7 +143,7 @@ def put_together(paths: Sequence[Path], out: Path) -> Repertoire:
     with closing(SteeringRun.create(out, config, Run(structure), source, seals=False)) as run:
         for path in plain:
             for logged in read_run(path).trials:
-                run.record(logged)
+                run.record(replace(logged, recommendation=None, fit=None))  # of a search that knew its own run alone
     return repertoire
 
 

@@ -12,10 +12,11 @@ from gliding import GAITS, GlidingRobot, Velocity, tried
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import Suggestion
+from vvvaltr.controller.core.values import Estimate, Recommendation, Suggestion
 from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
+from vvvaltr.controller.runs.log import read_run
 from vvvaltr.controller.studies.going import (
     Errand,
     GoRun,
@@ -24,18 +25,19 @@ from vvvaltr.controller.studies.going import (
     read_goals,
     usable_repertoire,
 )
+from vvvaltr.controller.studies.repertoire import put_together
 from vvvaltr.controller.studies.steering_run import SteeringRun, load_repertoire, steering_config
 
 SPATIAL, ROBOT = RobotChoice("spatial"), RobotChoice("robot.toml", file={})
 
 
-def run_of(path: Path, table: Mapping[Gait, Velocity]) -> Path:
-    """Return a run in which each gait of a table was tried twice."""
+def run_of(path: Path, table: Mapping[Gait, Velocity], best: Recommendation | None = None) -> Path:
+    """Return a run in which each gait of a table was tried twice, perhaps with a recommendation after each trial."""
     choice = choose_robot({"name": "planar"})
     config = steering_config(choice, open_rig(choice, 0), "repertoire", 0, 10, 5.0)
     with closing(SteeringRun.create(path, config, Run())) as run:
         for trial in tried(GlidingRobot(dict(table)), 2):
-            run.record(LoggedTrial(Suggestion(trial.gait, "tried"), trial, None, None))
+            run.record(LoggedTrial(Suggestion(trial.gait, "tried"), trial, 0.02, best))
     return path
 
 
@@ -103,6 +105,17 @@ def test_gaits_of_other_motors_make_no_repertoire_together(tmp_path: Path) -> No
 
     with pytest.raises(UserError, match="2 and 3 motors"):
         load_repertoire([three, two])
+
+
+def test_runs_put_together_recommend_nothing(tmp_path: Path) -> None:
+    best = Recommendation(GAITS[0], Estimate(0.02, 0.01, 0.03))
+    searched = run_of(tmp_path / "searched", {GAITS[0]: (0.02, 0.0, 0.2), GAITS[1]: (0.0, 0.02, -0.2)}, best)
+
+    put_together([searched], tmp_path / "together")
+
+    trials = read_run(tmp_path / "together").trials
+    assert len(trials) == 4
+    assert all(logged.recommendation is None for logged in trials)
 
 
 def test_a_run_that_another_one_began_with_counts_once(tmp_path: Path) -> None:
