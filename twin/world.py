@@ -122,10 +122,12 @@ class World:
 
 PLAIN = World()
 
+_MOST_PIECES = 500  # of a viewer's ground along each side: a log keeps it all
+
 
 def sample_terrain(world: World, half_width_m: float = 0.5) -> types.Terrain:
     """Return the ground around the origin, to ``half_width_m`` on each side, as a square grid for a viewer."""
-    points = 1 + max(1, math.ceil(2.0 * half_width_m / world.ground.straight_m))
+    points = 1 + min(max(1, math.ceil(2.0 * half_width_m / world.ground.straight_m)), _MOST_PIECES)
     line = np.linspace(-half_width_m, half_width_m, points)
     heights = world.height_m(line[:, None], line[None, :])
     return types.Terrain(tuple(line.tolist()), tuple(line.tolist()), tuple(map(tuple, heights.tolist())))

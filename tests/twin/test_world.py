@@ -3,6 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vvvaltr.controller.core.values import Structure
+from vvvaltr.controller.runs.log import RunLog, read_run
 from vvvaltr.twin.world import Flat, Hills, Slope, World, parse_world, sample_terrain
 
 LINE = np.linspace(-2.0, 2.0, 4001)
@@ -85,3 +87,12 @@ def test_a_viewer_gets_the_ground_as_a_grid():
     assert len(grid.height_m) == len(grid.x_m)
     assert grid.height_m[7][11] == pytest.approx(float(world.height_m(np.array(grid.x_m[7]), np.array(grid.y_m[11]))))
     assert len(sample_terrain(World()).x_m) == 2
+
+
+def test_the_shortest_waves_make_a_ground_that_a_log_can_be_read_with(tmp_path):
+    ground = sample_terrain(parse_world("hills:wavelength_m=0.02"))
+    structure = Structure(struts=((0, 1),), springs=(), motor_struts=(0,), terrain=ground)
+
+    RunLog.create(tmp_path / "trials.mcap", structure).close()
+
+    assert read_run(tmp_path / "trials.mcap").structure.terrain == ground
