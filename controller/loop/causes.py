@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -125,7 +126,8 @@ def _find_loss(frequency_hz: tuple[tuple[float, ...], ...], speeds_m_s: tuple[fl
 def have_turned(trials: Sequence[Trial]) -> bool:
     """Return whether the robot had different headings, so that its trials tell its own drift from the floor's."""
     yaws_rad = [pose.yaw_rad for trial in trials for pose in trial.poses if pose.is_finite]
-    return bool(yaws_rad) and max(yaws_rad) - min(yaws_rad) >= _LEAST_TURN_RAD
+    turned_rad = [math.remainder(yaw_rad - yaws_rad[0], math.tau) for yaw_rad in yaws_rad]
+    return bool(turned_rad) and max(turned_rad) - min(turned_rad) >= _LEAST_TURN_RAD
 
 
 def find_drift_in(history: Sequence[LoggedTrial]) -> Drift | None:

@@ -101,7 +101,7 @@ def find_drift(trials: Sequence[LoggedTrial]) -> Drift:
     """
     valid = [logged.trial for logged in trials if logged.trial.outcome.is_valid]
     if not any(trial.poses for trial in valid):
-        raise UserError("no trial has poses, so nothing tells the floor: imported trials have lengths alone")
+        raise UserError("no valid trial has poses, so nothing tells the floor: imported trials have lengths alone")
     if not have_turned(valid):
         raise UserError(
             "the robot never headed elsewhere, or its poses have no heading, so nothing tells the floor from the "

@@ -12,7 +12,7 @@ from vvvaltr.controller.core.values import (
     Suggestion,
     Trial,
 )
-from vvvaltr.controller.loop.causes import StrengthWatch, fault_standing_motor, review_speed, to_repeat
+from vvvaltr.controller.loop.causes import StrengthWatch, fault_standing_motor, have_turned, review_speed, to_repeat
 from vvvaltr.controller.loop.learn import learn
 from vvvaltr.controller.loop.plan import Budget
 from vvvaltr.controller.loop.summary import summarise, tell_causes
@@ -236,3 +236,12 @@ def test_the_summary_says_what_speeds_are_corrected_for_and_which_gaits_stood_st
 
 def test_a_summary_of_a_run_without_a_model_says_nothing_of_causes():
     assert list(tell_causes(summarise(run_of(0.100, 0.110)))) == []
+
+
+def test_a_robot_that_heads_along_minus_x_has_not_turned_because_its_yaw_changes_sign():
+    def heading(*yaws_rad):
+        poses = tuple(Pose(0.1 * k, (0.0, 0.0, 0.0), yaw_rad) for k, yaw_rad in enumerate(yaws_rad))
+        return replace(trial(12.0, -14.0, 0.0), poses=poses)
+
+    assert not have_turned([heading(3.12, -3.13), heading(-3.14, 3.13)])
+    assert have_turned([heading(3.1, -3.1), heading(2.9)])

@@ -66,7 +66,7 @@ def test_trials_without_poses_are_said_to_tell_nothing(tmp_path, capsys):
     status, _, err = floor(capsys, str(run))
 
     assert status == 1
-    assert "no trial has poses" in err
+    assert "no valid trial has poses" in err
 
 
 @pytest.mark.parametrize("asked", [("--trials", "3"), ("--gait", "12,-14,9"), ("--world", "slope"), ("--out", "new")])
