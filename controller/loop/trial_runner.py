@@ -124,9 +124,10 @@ def run_trial(robot: Robot, gait: Gait, settings: TrialSettings, number: int = 1
 def _describe_conditions(robot: Robot, dropped_poses: int) -> Conditions:
     """Return what can be told of a trial's conditions; trackers with a clock of their own know how late they are."""
     clock = getattr(robot.tracker, "clock", None)
-    if not isinstance(clock, RemoteClock) or math.isnan(clock.offset_s):
+    # The jitter first: the tracker's thread sets it last, and may have begun a new clock just now.
+    if not isinstance(clock, RemoteClock) or math.isnan(jitter_s := clock.jitter_s):
         return Conditions(dropped_poses=dropped_poses)
-    return Conditions(dropped_poses=dropped_poses, tracker_offset_s=clock.offset_s, tracker_jitter_s=clock.jitter_s)
+    return Conditions(dropped_poses=dropped_poses, tracker_offset_s=clock.offset_s, tracker_jitter_s=jitter_s)
 
 
 def _describe_ending(problem: Exception | KeyboardInterrupt | None) -> tuple[Outcome, str]:

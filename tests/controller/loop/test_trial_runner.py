@@ -2,6 +2,7 @@ import gc
 import itertools
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from scripted import ScriptedRobot, raising
@@ -12,6 +13,7 @@ from vvvaltr.controller.core.values import Outcome, Pose
 from vvvaltr.controller.loop.safety import Arena, GuardedRobot, Limits
 from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.trial_runner import TrialCrashed, TrialSettings, run_trial
+from vvvaltr.drivers.links.remote_clock import RemoteClock
 
 GAIT = Gait((10.0, 8.0, 6.0))
 NO_RAMP = TrialSettings(duration_s=2.0, ramp_s=0.0)
@@ -206,6 +208,40 @@ def test_start_and_end_are_averages_at_rest_and_say_how_sure_they_are() -> None:
     assert trial.start.position_m[0] == pytest.approx(0.0, abs=1e-4)
     assert trial.end.position_m[0] == pytest.approx(0.2, abs=1e-4)
     assert all(0.0 < (rest.position_sd_m or 0.0) < 2e-4 for rest in (trial.start, trial.end))
+
+
+class AnotherClock(ScriptedRobot):
+    """A robot whose tracker has a clock of its own."""
+
+    def __init__(self, clock: RemoteClock) -> None:
+        super().__init__()
+        self._tracker = SimpleNamespace(pose=self.pose, clock=clock)
+
+    @property
+    def tracker(self) -> SimpleNamespace:  # type: ignore[override]
+        return self._tracker
+
+
+def test_a_trial_tells_how_the_trackers_clock_differs() -> None:
+    clock = RemoteClock()
+    for sent_s, received_s in ((0.0, 7.0), (1.0, 8.2)):
+        clock.here_s(sent_s, received_s)
+
+    conditions = run_trial(AnotherClock(clock), GAIT, NO_RAMP).conditions
+
+    assert conditions.tracker_offset_s == pytest.approx(-7.0, abs=0.001)
+    assert conditions.tracker_jitter_s == pytest.approx(0.1, abs=0.001)
+
+
+def test_a_trackers_clock_that_begins_anew_as_a_trial_ends_does_not_cost_the_trial() -> None:
+    class BeginsAnew(RemoteClock):
+        """Its first time has come in, and is not among the delays yet."""
+
+        offset_s = -7.0
+
+    trial = run_trial(AnotherClock(BeginsAnew()), GAIT, NO_RAMP)
+
+    assert (trial.outcome, trial.conditions.tracker_offset_s) == (Outcome.COMPLETED, None)
 
 
 @pytest.mark.parametrize("x_m", [100.0, 0.4, 1e308, math.inf, math.nan])
