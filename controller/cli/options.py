@@ -67,8 +67,8 @@ def one_of(*kinds: str) -> Callable[[str], tuple[str, ...]]:
     return convert
 
 
-trial_duration = number(low=0.1)
-"""The argument type of a trial's duration in s: long enough to see the robot move."""
+trial_duration = number(low=0.1, high=3600.0)
+"""The argument type of a trial's duration in s: long enough to see the robot move, and as long as a run's can be."""
 
 
 def heading_limit(text: str) -> float:
