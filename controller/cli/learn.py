@@ -25,7 +25,7 @@ from vvvaltr.controller.cli.options import (
     score_details,
     whole,
 )
-from vvvaltr.controller.cli.progress import TrialProgress
+from vvvaltr.controller.cli.progress import TrialProgress, is_vague
 from vvvaltr.controller.cli.rerun_extra import has_rerun
 from vvvaltr.controller.cli.telling import say
 from vvvaltr.controller.core.errors import NotUnderstood, UserError, one_line_errors
@@ -227,8 +227,10 @@ def _prose_of_best(result: dict[str, Any]) -> tuple[str, ...]:
         return ("best gait  not known: no trial has measured anything yet",)
     if best is None:
         return ("best gait  not known: this method has no model; --confirm KxR repeats the best K gaits to find out",)
+    is_unknown = is_vague(best["mean_m_s"], best["low_m_s"], best["high_m_s"])
     return (
-        f"best gait  {' '.join(f'{frequency:.2f}' for frequency in best['gait_hz'])} Hz",
+        f"best gait  {' '.join(f'{frequency:.2f}' for frequency in best['gait_hz'])} Hz"
+        f"{', but not known yet: make more trials' if is_unknown else ''}",
         f"speed      {_mm_s(best['mean_m_s'])} mm/s (posterior mean), "
         f"95 % interval {_mm_s(best['low_m_s'])} to {_mm_s(best['high_m_s'])} mm/s",
     )

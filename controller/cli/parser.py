@@ -37,7 +37,7 @@ class Parser(ArgumentParser):
 
     def format_help(self) -> str:
         """Return the help, with its further sections and the example."""
-        width = min(shutil.get_terminal_size().columns, 100) - 2
+        width = max(20, min(shutil.get_terminal_size().columns, 100)) - 2
         self.usage = textwrap.fill(self._usage(), width - 7, subsequent_indent=" " * 9, break_on_hyphens=False)
         self.description = textwrap.fill(self.description or "", width)
         sections = (_section(title, lines, width) for title, lines in (self._details or dict)().items())

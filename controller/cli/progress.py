@@ -93,11 +93,16 @@ def _write_duration(seconds: float) -> str:
     return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"
 
 
+def is_vague(mean: float, low: float, high: float) -> bool:
+    """Return whether an estimate says next to nothing, as after the first trials."""
+    return max(-low, high) > _VAGUE * abs(mean)
+
+
 def _write_speeds(logged: LoggedTrial) -> str:
     speed = "" if logged.score is None else f"{1000.0 * logged.score:.1f} mm/s"
     if logged.recommendation is None:
         return speed
     it = logged.recommendation.estimate
-    if max(-it.low, it.high) > _VAGUE * abs(it.mean):
+    if is_vague(it.mean, it.low, it.high):
         return f"{speed}, best not known yet"
     return f"{speed}, best {1000.0 * it.mean:.1f} ({round(1000.0 * it.low)} to {round(1000.0 * it.high)})"

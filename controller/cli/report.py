@@ -39,7 +39,10 @@ def _report_run(path: Path, out: Path | None) -> Answer:
 
     page = out or (path / "report.html" if path.is_dir() else path.with_name("report.html"))
     refuse_to_replace(page, ".html", ".htm")
-    found = write_run_report(path, page)
+    try:
+        found = write_run_report(path, page)
+    except OSError as error:
+        raise UserError(f"{page} cannot be written: {error.strerror}; name another file by --out") from error
     coverage = None if found.left_out is None else found.left_out.coverage
     data = {"report": str(page), "run": str(path), "coverage": coverage, **summarise(found.run.trials)}
     return Answer(f"{page}: open it in a browser", data)

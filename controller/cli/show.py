@@ -28,7 +28,7 @@ def _execute(arguments: Namespace) -> Answer:
     path: Path = arguments.run
     run = read_run(path)
     listed = describe_run(path) if path.is_dir() else None
-    width = min(shutil.get_terminal_size().columns, 100)
+    width = max(20, min(shutil.get_terminal_size().columns, 100))
     return Answer(_write(path, run, listed, width), {"run": str(path), **dict(run.about), **summarise(run.trials)})
 
 

@@ -80,17 +80,18 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
     fresh = path.with_name(f"{path.name}.new")
     for each in (path, fresh):
         _refuse_to_replace(each)
-    fresh.unlink(missing_ok=True)  # a left-over, or a link to somewhere
     try:
+        fresh.unlink(missing_ok=True)  # a left-over, or a link to somewhere
         with fresh.open("xb") as file:
             yield file
             file.flush()
             os.fsync(file.fileno())
         os.replace(fresh, path)
     except BaseException as error:
-        fresh.unlink(missing_ok=True)
         if isinstance(error, OSError) and error.filename == str(fresh):
             error.filename = str(path)  # the name that a person knows
+        with suppress(OSError):
+            fresh.unlink(missing_ok=True)
         raise
     sync_folder(path)
 

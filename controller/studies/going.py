@@ -29,6 +29,7 @@ from vvvaltr.transfer.steering.planner import Border, Goal
 from vvvaltr.transfer.steering.repertoire import Repertoire
 
 METHOD = "go"
+_FARTHEST_M = 1000.0  # no floor of a laboratory is larger
 _LEAST_TURN_RAD_S = 0.02
 
 
@@ -194,6 +195,8 @@ def check_fit(repertoire: Repertoire, rig: Rig, sources: Sequence[Path]) -> None
 def check_errand(errand: Errand, arena: Arena | None, choice: RobotChoice) -> None:
     """Raise NotUnderstood if there is a goal that the robot cannot or must not reach."""
     for x_m, y_m, yaw_rad in errand.goals:
+        if max(abs(x_m), abs(y_m)) > _FARTHEST_M:
+            raise NotUnderstood(f"goal {x_m:g} {y_m:g} is further than {_FARTHEST_M:g} m: give x and y in m")
         if choice.name == "planar" and (y_m != 0.0 or yaw_rad is not None):
             raise NotUnderstood("the planar twin moves along x only: give X alone, without Y and --yaw")
         border = _border(arena)

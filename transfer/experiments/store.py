@@ -51,8 +51,7 @@ class Store:
         """Open the campaign in ``folder`` to continue it, or begin one there.
 
         Raises:
-            UserError: the folder holds a campaign with other settings, or something else.
-            OSError: the folder cannot be written.
+            UserError: the folder holds a campaign with other settings, or something else, or cannot be made.
         """
         if (folder / "campaign.toml").exists():
             store = cls.open(folder)
@@ -66,8 +65,11 @@ class Store:
             return store
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise UserError(f"{folder} exists and is not a campaign: choose another --out")
-        folder.mkdir(parents=True, exist_ok=True)
-        write_whole(folder / "campaign.toml", tomli_w.dumps(msgspec.to_builtins(settings)))
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            write_whole(folder / "campaign.toml", tomli_w.dumps(msgspec.to_builtins(settings)))
+        except OSError as error:
+            raise UserError(f"{folder} cannot be made: {error.strerror}; choose another --out, or make room") from error
         return cls(folder, settings)
 
     def has(self, unit: Unit) -> bool:

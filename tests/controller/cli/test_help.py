@@ -31,6 +31,15 @@ def test_a_help_fits_a_terminal_of_80_columns_and_ends_with_an_example(
     assert text.rpartition("example:\n")[2].startswith(f"  vvvaltr {command}")
 
 
+@pytest.mark.parametrize("columns", ["1", "12", "nonsense"])
+def test_a_help_is_shown_however_narrow_the_terminal_says_that_it_is(
+    columns: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+
+    assert "example:" in help_of("learn", capsys=capsys)
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_argument_is_explained(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     from vvvaltr.controller.cli.main import make_parser

@@ -62,6 +62,15 @@ def test_no_line_is_wider_than_the_terminal(
     assert "mm/s" in table[0]
 
 
+def test_a_run_is_shown_however_narrow_the_terminal_says_that_it_is(
+    runs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "1")
+
+    assert main(["show", str(runs / "flat")]) == 0
+    assert "o measured" in capsys.readouterr().out
+
+
 def test_a_run_whose_log_is_open_is_running_and_one_that_ended_early_is_stopped(runs: Path) -> None:
     config = (runs / "flat" / "run.toml").read_text()
     (runs / "flat" / "run.toml").write_text(config.replace("trials = 3", "trials = 9"))

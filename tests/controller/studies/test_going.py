@@ -59,6 +59,12 @@ def test_a_goal_outside_the_arena_is_refused() -> None:
         check_errand(Errand(((0.4, 0.2, None), (0.4, 0.4, None))), arena, ROBOT)
 
 
+@pytest.mark.parametrize("x_m", [1e300, -1001.0])
+def test_a_goal_beyond_any_laboratory_is_refused(x_m: float) -> None:
+    with pytest.raises(NotUnderstood, match="further than 1000 m: give x and y in m"):
+        check_errand(Errand(((x_m, 0.0, None),)), None, ROBOT)
+
+
 @pytest.mark.parametrize("text", ["0.05;0\n0.1,0\n", "0,05 0\n0.1,0\n", "x,y\n0.05;0\n0.1,0\n"])
 def test_a_first_way_point_that_is_not_understood_is_not_taken_for_a_header(tmp_path: Path, text: str) -> None:
     path = tmp_path / "way.csv"
