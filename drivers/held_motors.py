@@ -176,7 +176,7 @@ class HeldMotors:
         self._line.close()
 
     def _run(self) -> None:
-        with suppress(PermissionError):  # where the system allows it, nothing else in the process delays this thread
+        with suppress(OSError):  # where the system allows it, nothing else in the process delays this thread
             os.sched_setscheduler(threading.get_native_id(), os.SCHED_FIFO, os.sched_param(_PRIORITY))
         try:
             self._keep_alive()

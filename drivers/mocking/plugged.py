@@ -21,7 +21,7 @@ _TICK_S = 0.002
 
 def be_prompt() -> None:
     """Give this process real-time priority where that is allowed: a real device has a processor of its own."""
-    with suppress(PermissionError):
+    with suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
 
 

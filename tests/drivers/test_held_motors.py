@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -218,6 +219,18 @@ def test_a_defect_in_a_protocol_rests_the_motors_and_is_told(monkeypatch: pytest
         with pytest.raises(DeviceFault, match="ZeroDivisionError: oops"):
             motors.drive(GAIT, 1.0)
         assert line.sent[-1][1] == 0.0
+
+
+def test_a_system_without_real_time_priority_drives_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EINVAL, "Invalid argument")
+
+    monkeypatch.setattr("os.sched_setscheduler", refuse)
+    with held() as (motors, (line,)):
+        motors.drive(GAIT, 1.0)
+        time.sleep(0.1)
+
+        assert line.sent_since(0.0).count(10.0) >= 3
 
 
 def test_a_slow_ramp_gives_the_motor_time_to_start() -> None:
