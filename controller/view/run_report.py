@@ -19,6 +19,7 @@ from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, describe_
 from vvvaltr.controller.view.run_movements import read_errand, write_movements
 from vvvaltr.controller.view.scatter_causes import find_causes, tell_scatter
 from vvvaltr.controller.view.showing import name_run
+from vvvaltr.controller.view.words import write_gait
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,15 +64,15 @@ def _head(found: RunFindings, title: str) -> Iterator[str]:
         return
     (gait, estimate), *others = found.ranked
     yield (
-        f"<div class='key'><p><b>Best gait: {_write_hz(gait)} Hz</b><br>{_write_estimate(estimate)}</p>"
+        f"<div class='key'><p><b>Best gait: {write_gait(gait, 2)}</b><br>{_write_estimate(estimate)}</p>"
         f"<p>{escape(_compare(estimate, others))}</p>"
         f"<p>Drive it:</p><pre>{escape(write_trial_command(gait, about.get('robot', ''), found.config))}</pre></div>"
     )
     if others:
-        rows = [(f"{place}", _write_hz(it), *_write_bounds(of)) for place, (it, of) in enumerate(found.ranked, 1)]
+        rows = [(f"{place}", write_gait(it, 2), *_write_bounds(of)) for place, (it, of) in enumerate(found.ranked, 1)]
         yield write_table(
             "The recommended gait and other promising ones, and what the model believes of their mean speeds",
-            ("place", "gait (Hz)", "mean (mm/s)", "95 % interval (mm/s)"),
+            ("place", "gait", "mean (mm/s)", "95 % interval (mm/s)"),
             rows,
         )
 
@@ -82,7 +83,7 @@ def _compare(best: Estimate, others: list[tuple[Gait, Estimate]]) -> str:
         return "The model names no second gait."
     gait, second = others[0]
     how = f"{_mm_s(abs(best.mean - second.mean))} mm/s {'slower' if second.mean <= best.mean else 'faster'}"
-    lead = f"The next one, {_write_hz(gait)} Hz, is expected to be {how}"
+    lead = f"The next one, {write_gait(gait, 2)}, is expected to be {how}"
     if best.low > second.high:
         return f"{lead}. The two intervals do not overlap: the order is clear."
     return f"{lead}. The two intervals overlap: repeat both (--confirm 2x5) before relying on their order."
@@ -205,10 +206,6 @@ def _making(found: RunFindings) -> Iterator[str]:
 
 def _draw(figure: Figure, caption: str) -> str:
     return write_figure(to_png(figure), caption)
-
-
-def _write_hz(gait: Gait) -> str:
-    return " / ".join(f"{frequency:.2f}" for frequency in gait.frequency_hz)
 
 
 def _write_estimate(it: Estimate) -> str:

@@ -14,9 +14,18 @@ _TABLE_ROWS = 60  # the newest trials; `vvvaltr export` has all
 _TWINS = ("planar", "spatial")
 
 
-def write_gait(gait: Gait) -> str:
-    """Return the frequencies of a gait as text."""
-    return " / ".join(f"{frequency:.1f}" for frequency in gait.frequency_hz) + " Hz"
+def write_gait(gait: Gait, digits: int = 1) -> str:
+    """Return a gait as text, with its phases and amplitudes where these are not the usual ones."""
+    parts = [f"{_join_numbers(gait.frequency_hz, digits)} Hz"]
+    if any(gait.phase_rad):
+        parts.append(f"phases {_join_numbers(gait.phase_rad, 2)} rad")
+    if any(share != 1.0 for share in gait.amplitude):
+        parts.append(f"amplitudes {_join_numbers(gait.amplitude, 2)}")
+    return ", ".join(parts)
+
+
+def _join_numbers(numbers: Sequence[float], digits: int) -> str:
+    return " / ".join(f"{number:.{digits}f}" for number in numbers)
 
 
 def describe(logged: LoggedTrial) -> str:
@@ -109,7 +118,7 @@ def _join_rows(rows: Sequence[str], count: int) -> str:
 
 def _write_row(logged: LoggedTrial) -> str:
     speed = "" if logged.score is None else f"{1000 * logged.score:.1f}"
-    gait = write_gait(logged.trial.gait).removesuffix(" Hz")
+    gait = _join_numbers(logged.trial.gait.frequency_hz, 1)
     cells = (str(logged.trial.number), gait, speed, name_outcome(logged), _reason(logged))
     return f"| {' | '.join(cells)} |"
 

@@ -33,7 +33,7 @@ from vvvaltr.controller.view.scene import Scene
 from vvvaltr.controller.view.showing import save_runs
 from vvvaltr.controller.view.speed_maps import Belief, list_pairs
 from vvvaltr.controller.view.watching import Moment, WatchedRobot
-from vvvaltr.controller.view.words import write_about, write_result, write_tables
+from vvvaltr.controller.view.words import write_about, write_gait, write_result, write_tables
 
 RUN = sample_run(trials=4, poses=21)
 SPACE = GaitSpace.over(3, -16.0, 16.0)
@@ -265,6 +265,12 @@ def test_runs_are_shown_side_by_side_below_their_names(tmp_path: Path, capfd: py
     assert {"/flat (1)/result", "/flat (2)/result"} <= {path.replace("\\", "") for path in same}
     assert "Result: flat (1)" in print_recording(tmp_path / "run.rrd")
     assert "WARN" not in capfd.readouterr().err
+
+
+def test_gaits_that_differ_in_their_phases_alone_are_told_apart() -> None:
+    assert write_gait(Gait((9.0, -12.0))) == "9.0 / -12.0 Hz"
+    assert write_gait(Gait((9.0, -12.0), (0.0, 1.5)), 2) == "9.00 / -12.00 Hz, phases 0.00 / 1.50 rad"
+    assert write_gait(Gait((9.0, -12.0), amplitude=(1.0, 0.5))) == "9.0 / -12.0 Hz, amplitudes 1.00 / 0.50"
 
 
 def test_a_twin_says_that_its_scatter_is_simulated() -> None:
