@@ -43,6 +43,8 @@ def test_the_sample_table_is_what_the_example_makes(tmp_path: Path) -> None:
     # The displacements may differ in the last bits of the processor's arithmetic, which the twin's contacts amplify.
     assert [row[:3] for row in made] == [row[:3] for row in shipped]
     assert len(shipped) == 25
+    totals_mm = [sum(float(row[3]) for row in table[1:]) for table in (made, shipped)]
+    assert totals_mm[0] == pytest.approx(totals_mm[1], rel=0.02)
 
 
 def test_the_sample_table_becomes_a_source(tmp_path: Path) -> None:
