@@ -10,8 +10,12 @@ from msgspec import Meta
 
 from vvvaltr.drivers.links.curve import UNCORRECTED, Curve, Uncorrected
 
-Positive = Annotated[float, Meta(gt=0)]
-NotNegative = Annotated[float, Meta(ge=0)]
+# Beyond 1e6 is no length, time or frequency of a robot, and infinity times nothing is no number.
+Positive = Annotated[float, Meta(gt=0, le=1e6)]
+NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
+AgeLimit = Annotated[float, Meta(gt=0, le=10)]
+"""In s: an older pose is no longer the robot's, or a tracker that has died would never be missed."""
+
 Points = tuple[tuple[Positive, Positive], ...]
 
 

@@ -21,10 +21,11 @@ from vvvaltr.controller.loop.safety import Arena, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.registry import DRIVERS
-from vvvaltr.drivers.table import LineTable, MotorTable, Positive, Table, TrackerTable
+from vvvaltr.drivers.table import LineTable, MotorTable, Table, TrackerTable
 from vvvaltr.drivers.trackers.registry import TRACKERS
 
 Pause = Annotated[float, Meta(ge=0, le=3600)]
+Bound = Annotated[float, Meta(gt=0)]  # infinite for none
 
 
 class ArenaTable(Table, frozen=True, kw_only=True):
@@ -40,8 +41,8 @@ class StartTable(Table, frozen=True, kw_only=True):
     x_m: float = 0.0
     y_m: float = 0.0
     yaw_rad: float | None = None
-    within_m: Positive = 0.03
-    within_rad: Positive = 0.2
+    within_m: Bound = 0.03
+    within_rad: Bound = 0.2
 
 
 class HandTable(Table, frozen=True, kw_only=True):
@@ -61,7 +62,7 @@ class TrialTable(Table, frozen=True, kw_only=True):
     ramp_s: Pause = 0.2
     period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.04
     hold_s: Annotated[float, Meta(gt=0, le=1)] = 0.25
-    heading_limit_rad: Positive = math.inf
+    heading_limit_rad: Bound = math.inf
     rest_s: Pause = 0.25
     max_speed_m_s: Annotated[float, Meta(ge=0, le=GREATEST_SPEED_M_S)] = 0.0
 

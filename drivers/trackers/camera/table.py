@@ -8,7 +8,7 @@ from typing import Annotated, Self
 import msgspec
 from msgspec import Meta
 
-from vvvaltr.drivers.table import NotNegative, Positive, Table, TrackerTable
+from vvvaltr.drivers.table import AgeLimit, NotNegative, Positive, Table, TrackerTable
 from vvvaltr.drivers.trackers.camera.lens import Lens
 from vvvaltr.drivers.trackers.camera.sight import RobotTag
 from vvvaltr.drivers.trackers.camera.source import FRAMES, Wanted
@@ -89,7 +89,7 @@ class CameraTable(TrackerTable, frozen=True, kw_only=True, tag="camera"):
     height_px: Side = 720
     rate_hz: Annotated[float, Meta(ge=1, le=1000)] = 30.0
     exposure_s: Annotated[float, Meta(ge=0, le=1)] = 0.0
-    age_limit_s: Positive = 0.2
+    age_limit_s: AgeLimit = 0.2
     camera_height_m: NotNegative = 0.0
     pictures: bool = True
     tag: TagTable

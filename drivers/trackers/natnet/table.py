@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from vvvaltr.drivers.table import Positive, TrackerTable
+from vvvaltr.drivers.table import AgeLimit, TrackerTable
 from vvvaltr.drivers.trackers.natnet.protocol import COMMAND_PORT, DATA_PORT
 
 Port = Annotated[int, Meta(ge=1, le=65535)]
@@ -31,4 +31,4 @@ class NatnetTable(TrackerTable, frozen=True, kw_only=True, tag="natnet"):
     multicast: str = ""
     data_port: Port = DATA_PORT
     up: Literal["y", "z"] = "y"
-    age_limit_s: Positive = 0.2
+    age_limit_s: AgeLimit = 0.2

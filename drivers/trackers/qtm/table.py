@@ -6,7 +6,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from vvvaltr.drivers.table import NotNegative, Positive, TrackerTable
+from vvvaltr.drivers.table import AgeLimit, NotNegative, TrackerTable
 from vvvaltr.drivers.trackers.qtm.protocol import PORT
 
 
@@ -25,4 +25,4 @@ class QtmTable(TrackerTable, frozen=True, kw_only=True, tag="qtm"):
     port: Annotated[int, Meta(ge=1, le=65535)] = PORT
     body: Annotated[str, Meta(min_length=1)]
     rate_hz: NotNegative = 0.0
-    age_limit_s: Positive = 0.2
+    age_limit_s: AgeLimit = 0.2

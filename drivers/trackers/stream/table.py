@@ -6,7 +6,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from vvvaltr.drivers.table import Positive, TrackerTable
+from vvvaltr.drivers.table import AgeLimit, TrackerTable
 from vvvaltr.drivers.trackers.stream.message import AngleUnit, Unit, Up
 
 
@@ -31,4 +31,4 @@ class StreamTable(TrackerTable, frozen=True, kw_only=True, tag="stream"):
     unit: Unit = "m"
     up: Up = "z"
     yaw_unit: AngleUnit = "rad"
-    age_limit_s: Positive = 0.2
+    age_limit_s: AgeLimit = 0.2

@@ -129,6 +129,9 @@ def test_a_run_keeps_the_file_and_gives_it_back(path: Path) -> None:
         ("max_hz = 16.0", 'max_hz = "fast"', "line[1].motor[1].max_hz is 'fast': expected"),
         ("max_hz = 16.0", "max_hz = -1", "line[1].motor[1].max_hz is -1: expected"),
         ("max_hz = 16.0", "max_hz = 17.0", "line[1].motor[1].max_hz is 17; allowed: up to 16"),
+        ("max_hz = 20.0", "max_hz = inf", "line[2].motor[1].max_hz is inf: expected"),
+        ("max_hz = 16.0", "max_hz = 16.0\nramp_hz_s = inf", "line[1].motor[1].ramp_hz_s is inf: expected"),
+        ("port = 5005", "port = 5005\nage_limit_s = inf", "tracker.age_limit_s is inf: expected"),
         ("output = 0", "output = 2", "line[1].motor[1].output is 2; allowed: 0, 1"),
         (
             "board = 1",
