@@ -25,6 +25,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_BELIEF = (
+    " Line and band: posterior mean of the gait that was recommended after each trial, and its 95 % interval. The axis "
+    "follows what was measured; the first intervals reach beyond it."
+)
+
+
 def write_run_report(path: Path, page: Path) -> RunFindings:
     """Write the report of the run in ``path``, a directory or a log, to ``page``; return what it found.
 
@@ -58,7 +64,8 @@ def _head(found: RunFindings, title: str) -> Iterator[str]:
     if not found.ranked:
         best = max(found.valid, key=lambda it: it.score or 0.0)
         yield (
-            f"<p class='key'>No search was made, or it has no model. The fastest of {len(found.valid)} trials was "
+            "<p class='key'>No gait is recommended: there was no search, or its method has no model. "
+            f"The fastest of {len(found.valid)} trials was "
             f"trial {best.trial.number} with {_mm_s(best.score or 0.0)} mm/s; one trial alone may be luck.</p>"
         )
         return
@@ -93,8 +100,7 @@ def _search(found: RunFindings) -> Iterator[str]:
     yield "<h2>The search</h2><div class='pair'>"
     yield _draw(
         figures.draw_convergence(found),
-        "Speed of each trial. Line and band: posterior mean of the gait that was recommended after each trial, and its "
-        "95 % interval. The axis follows what was measured; the first intervals reach beyond it.",
+        "Speed of each trial." + (_BELIEF if any(it.recommendation for it in found.run.trials) else ""),
     )
     if found.left_out is not None:
         yield _draw(figures.draw_left_out(found.left_out), _describe_left_out(found.left_out))

@@ -74,6 +74,8 @@ def test_movements_are_arrows_with_their_spread_and_a_table(moves: Path, tmp_pat
 
     assert text.count("data:image/svg+xml;base64,") == 1
     assert "an ellipse is one standard deviation of a single drive" in text
+    assert "No gait is recommended: there was no search" in text
+    assert "posterior mean" not in text
     assert text.count("<th scope='row'>") > 5
     assert re.search(r"\+(19|20)\.\d ± ", text)  # mm/s forward of the fastest
 
