@@ -19,6 +19,7 @@ from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 from vvvaltr.controller.runs.schema.limits import check_message, check_size
 from vvvaltr.controller.runs.schema.mcap_file import DamagedFile, Entry, TornFile, read_entries
 from vvvaltr.controller.runs.schema.trial_codec import decode_trial
+from vvvaltr.transfer.causes.pieces import MOST_PIECES
 
 FORMAT = 2  # version 0.1 wrote format 1
 _RECORDED = frozenset({"/robot/tracking", "/motors/command", "/motors/state", "/tracker/picture"})
@@ -177,8 +178,9 @@ def _with_movement(logged: LoggedTrial) -> LoggedTrial:
 
 
 def _with_pieces(logged: LoggedTrial) -> LoggedTrial:
-    """Return a trial with the pieces that its poses make, which early logs do not keep beside them."""
-    return logged if logged.pieces else replace(logged, pieces=measure_pieces(logged.trial))
+    """Return a trial with the pieces that its poses make, where the log keeps none, as early ones do, or too many."""
+    is_known = 0 < len(logged.pieces) <= MOST_PIECES
+    return logged if is_known else replace(logged, pieces=measure_pieces(logged.trial))
 
 
 def nanoseconds(seconds: float) -> int:

@@ -14,19 +14,22 @@ from vvvaltr.controller.core.values import Pose
 PIECE_S = 1.0
 """Usual duration of a piece."""
 
+MOST_PIECES = 60
+"""Greatest number of pieces of a drive: what is learned from them takes time that grows with the cube of it."""
+
 SKIPPED_S = 1.25
 """Time at the start of a drive that is left out, up to a quarter of the drive: motors are still speeding up."""
 
 _LEAST_TURN_RAD = 0.1  # of the headings, else nothing tells the floor
 
 
-def cut(poses: Sequence[Pose], piece_s: float = PIECE_S) -> tuple[Piece, ...]:
-    """Cut a drive into pieces of about ``piece_s``; none where the poses do not make two."""
+def cut(poses: Sequence[Pose]) -> tuple[Piece, ...]:
+    """Cut a drive into pieces of about 1 s, one of a minute or more into 60; none where the poses do not make two."""
     times_s = np.array([pose.t_s for pose in poses])
     first = int(np.searchsorted(times_s, min(SKIPPED_S, 0.25 * times_s[-1]) - 1e-6)) if len(times_s) else 0
     if len(times_s) - first < 3 or not all(pose.is_finite for pose in poses):
         return ()
-    count = int((times_s[-1] - times_s[first]) / piece_s + 0.5)
+    count = min(int((times_s[-1] - times_s[first]) / PIECE_S + 0.5), MOST_PIECES)
     if count < 2:
         return ()
     borders = np.searchsorted(times_s, np.linspace(times_s[first], times_s[-1], count + 1) - 1e-6)

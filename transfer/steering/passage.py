@@ -13,7 +13,7 @@ from vvvaltr.controller.core.arrays import Array
 from vvvaltr.controller.core.values import Pose
 
 STEADY_S = 1.2  # until then motors speed up and the robot shakes itself into its walk
-_PIECE_S = 1.0
+_PIECE_S, _MOST_PIECES = 1.0, 60  # what is learned from them takes time that grows with the cube of their number
 _LEAST_S = 0.4  # of a path that says anything
 SHORTEST_S = STEADY_S + _LEAST_S
 """The shortest drive that tells a movement."""
@@ -21,7 +21,7 @@ SHORTEST_S = STEADY_S + _LEAST_S
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """The steady part of a driven gait, in pieces of about 1 s.
+    """The steady part of a driven gait, in pieces of about 1 s, of a long one in 60.
 
     Args:
         duration_s: (pieces,) of each piece.
@@ -47,7 +47,7 @@ def passage(poses: Sequence[Pose], from_s: float = STEADY_S) -> Passage | None:
     path = path[path[:, 0] >= from_s - 1e-9]
     if len(path) < 3 or path[-1, 0] - path[0, 0] < _LEAST_S or not np.isfinite(path).all():
         return None
-    pieces = max(1, round((path[-1, 0] - path[0, 0]) / _PIECE_S))
+    pieces = min(max(1, round((path[-1, 0] - path[0, 0]) / _PIECE_S)), _MOST_PIECES)
     cuts = np.linspace(path[0, 0], path[-1, 0], pieces + 1)
     at = np.unique(np.searchsorted(path[:, 0], cuts - 1e-9).clip(0, len(path) - 1))
     rotations = np.array([_mean_rotation(path[begin : end + 1]) for begin, end in pairwise(at)])

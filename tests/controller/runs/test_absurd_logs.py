@@ -17,6 +17,8 @@ from sample_run import sample_run
 
 from benchmarks.fuzz_logs import read, write
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.records import Piece
+from vvvaltr.controller.loop.movement import measure_pieces
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 
@@ -170,3 +172,14 @@ def test_a_clock_before_1970_is_no_obstacle(tmp_path: Path, monkeypatch: pytest.
 
     (read,) = read_run(tmp_path).trials
     assert (read.trial.started_unix_s, read.trial.poses) == (-86_400.0, poses)
+
+
+def test_pieces_that_would_take_hours_to_learn_from_are_cut_from_the_poses_anew(tmp_path: Path) -> None:
+    run = sample_run()
+    known = run.trials[0]
+    with RunLog.create(tmp_path / LOG_NAME, run.structure, run.sources) as made:
+        made.append(replace(known, pieces=(Piece(1.0, (0.01, 0.0), (1.0, 0.0)),) * 9_000))
+
+    (logged,) = read_run(tmp_path / LOG_NAME).trials
+
+    assert logged.pieces == measure_pieces(known.trial)

@@ -35,6 +35,16 @@ def learn(random, drift_m_s, turns_rad_s, gaits, repeats=1):
     return drift
 
 
+def test_a_drive_of_an_hour_is_cut_into_no_more_pieces_than_one_of_a_minute():
+    random = np.random.default_rng(0)
+    minute, hour = (
+        cut(drive((0.01, 0.0), (0.0, 0.0), 0.0, 0.001, random, duration_s)) for duration_s in (61.0, 3600.0)
+    )
+
+    assert len(minute) == len(hour) == 60
+    assert sum(piece.duration_s for piece in hour) == pytest.approx(3600.0 - 1.25, abs=0.2)
+
+
 def test_a_robot_that_turns_tells_the_floor_from_itself_in_a_few_trials_without_repeats():
     drift = learn(np.random.default_rng(0), (0.004, -0.003), 0.4, gaits=6)
 

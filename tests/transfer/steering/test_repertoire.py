@@ -61,6 +61,15 @@ def test_a_heading_that_jumps_by_a_full_turn_is_no_turning() -> None:
     assert seen.turned_rad == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_path_of_an_hour_is_seen_in_no_more_pieces_than_one_of_a_minute() -> None:
+    seen = passage([Pose(float(t_s), (0.01 * t_s, 0.0, 0.0), 0.001 * t_s) for t_s in range(3601)])
+
+    assert seen is not None
+    assert len(seen.duration_s) == 60
+    assert seen.total_s == pytest.approx(3598.0)
+    assert seen.moved_m[:, 0].sum() == pytest.approx(35.98)
+
+
 def test_a_path_that_is_too_short_or_no_number_says_nothing() -> None:
     short = [Pose(0.1 * step, (0.0, 0.0, 0.0)) for step in range(7)]
     spoilt = [Pose(0.1 * step, (float("nan"), 0.0, 0.0)) for step in range(50)]
