@@ -55,13 +55,15 @@ class LeftOut:
     @property
     def drift(self) -> Estimate | None:
         """Slope of the surprise over the run's trials from first to last, with a 95 % interval; None for few trials."""
+        from scipy.special import stdtrit
+
         count = len(self.surprise)
         if count < 8:
             return None
         share = np.linspace(-0.5, 0.5, count)
         slope = float(share @ (self.surprise - self.surprise.mean()) / (share @ share))
         rest = self.surprise - self.surprise.mean() - slope * share
-        half = 1.96 * math.sqrt(float(rest @ rest) / (count - 2) / float(share @ share))
+        half = float(stdtrit(count - 2, 0.975)) * math.sqrt(float(rest @ rest) / (count - 2) / float(share @ share))
         return Estimate(slope, slope - half, slope + half)
 
 

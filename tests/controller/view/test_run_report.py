@@ -227,6 +227,14 @@ def test_a_robot_that_became_slower_is_said_to_have() -> None:
     assert _leave_each_out(SPACE, smooth_trials(60, drift=-0.01)).drift.high < 0.0
 
 
+def test_the_interval_of_a_drift_that_is_none_holds_0_in_19_of_20_short_runs() -> None:
+    draws, nothing = np.random.default_rng(0), np.zeros(8)
+
+    drifts = [LeftOut((), *[nothing] * 4, draws.normal(0.0, 1.0, 8)).drift for _ in range(2000)]
+
+    assert 0.94 < np.mean([drift is not None and drift.low <= 0.0 <= drift.high for drift in drifts]) < 0.96
+
+
 def test_coverage_is_the_share_within_the_interval() -> None:
     ones = np.ones(4)
     left_out = LeftOut((), np.array([0.0, 1.0, 1.5, 3.0]), ones, 0.5 * ones, 2.0 * ones, ones)
