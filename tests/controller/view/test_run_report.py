@@ -25,7 +25,7 @@ from vvvaltr.controller.core.values import Estimate, Outcome, Recommendation
 from vvvaltr.controller.runs.config import load_config
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
 from vvvaltr.controller.view.commands import write_learn_command, write_trial_command
-from vvvaltr.controller.view.run_figures import draw_motors
+from vvvaltr.controller.view.run_figures import draw_left_out, draw_motors
 from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, _leave_each_out, _rank, find_in_run
 from vvvaltr.controller.view.run_report import _compare, write_run_report
 
@@ -188,6 +188,15 @@ def test_the_gaits_below_the_recommended_one_come_by_what_is_expected_of_them() 
     (_, best), *others = ranked
     assert "21.00 Hz, is expected to be 7.0 mm/s faster. The two intervals overlap" in _compare(best, others)
     assert "9.00 Hz, is expected to be 5.0 mm/s slower. The two intervals overlap" in _compare(best, others[1:])
+
+
+def test_trials_that_all_went_backwards_lie_within_the_axes() -> None:
+    observed = np.array([-0.02, -0.01, -0.005])
+    left_out = LeftOut((), observed, observed, observed - 0.001, observed + 0.001, np.zeros(3))
+
+    low, high = draw_left_out(left_out).axes[0].get_ylim()
+
+    assert low <= -20.0 and high > -5.0
 
 
 def test_each_of_many_motors_is_drawn_with_a_mark_of_its_own(tmp_path: Path) -> None:
