@@ -73,8 +73,9 @@ def draw_left_out(left_out: LeftOut) -> Figure:
     axes.errorbar(median, observed, xerr=reach, fmt="none", ecolor=_GREY, elinewidth=0.6, alpha=0.6)
     axes.plot(median[within], observed[within], "o", color=_BLUE, markersize=3.5, label="within its interval")
     axes.plot(median[~within], observed[~within], "D", color=_ORANGE, markersize=4.5, label="outside")
-    low, top = min(0.0, float(observed.min())), float(observed.max())
-    high = top + 0.08 * (top - low)  # where all were slower than 0, too
+    bottom, top = min(0.0, float(observed.min())), float(observed.max())
+    margin = 0.08 * (top - bottom)  # where all were slower than 0, too
+    low, high = bottom - margin if bottom < 0.0 else 0.0, top + margin
     axes.plot([low, high], [low, high], color=_DARK, linewidth=0.8, linestyle="--")
     axes.set(xlim=(low, high), ylim=(low, high), xlabel="expected from all others (mm/s)", ylabel="observed (mm/s)")
     axes.legend(fontsize=8, frameon=False, loc="upper left")

@@ -196,7 +196,7 @@ def test_trials_that_all_went_backwards_lie_within_the_axes() -> None:
 
     low, high = draw_left_out(left_out).axes[0].get_ylim()
 
-    assert low <= -20.0 and high > -5.0
+    assert low < -20.0 and high > -5.0
 
 
 def test_each_of_many_motors_is_drawn_with_a_mark_of_its_own(tmp_path: Path) -> None:
