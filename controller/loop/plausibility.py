@@ -162,7 +162,7 @@ class PoseFilter:
         if pose.t_s == last.t_s:
             return True  # read twice
         self._frozen += 1
-        self._has_frozen = self._has_frozen or motors_turn
+        self._has_frozen = self._has_frozen or (motors_turn and math.isfinite(self._limits.frozen_s))
         if not motors_turn:
             self._frozen, self._frozen_since_s = 0, pose.t_s
         frozen_s = pose.t_s - self._frozen_since_s

@@ -6,8 +6,9 @@ import time
 from dataclasses import dataclass, replace
 
 from vvvaltr.controller.core.gaits import Gait, Quantity
-from vvvaltr.controller.core.protocols import Clock, MotorDriver, Robot, Tracker
-from vvvaltr.controller.core.values import MotorState, Pose, Structure
+from vvvaltr.controller.core.protocols import Clock, MotorDriver, Photographer, Robot, Tracker
+from vvvaltr.controller.core.values import MotorState, Photo, Pose, Structure
+from vvvaltr.drivers.links.remote_clock import RemoteClock
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +104,14 @@ class _WatchedMotors:
 class _WatchedTracker:
     def __init__(self, watch: WatchedRobot, tracker: Tracker) -> None:
         self._watch, self._tracker = watch, tracker
+        self.is_exact: bool = getattr(tracker, "is_exact", False)
+
+    @property
+    def clock(self) -> RemoteClock | None:
+        return getattr(self._tracker, "clock", None)
+
+    def take_photos(self) -> tuple[Photo, ...]:
+        return self._tracker.take_photos() if isinstance(self._tracker, Photographer) else ()
 
     def pose(self) -> Pose:
         pose = self._tracker.pose()
