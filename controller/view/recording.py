@@ -58,6 +58,9 @@ class Shown:
     beliefs: Iterable[Belief] = ()
     trial: int | None = None
 
+    def __post_init__(self) -> None:
+        _ = self.trials  # refused before anything is recorded, for Rerun complains of a recording that is left
+
     @property
     def name(self) -> str:
         """The title as Rerun can draw it."""

@@ -252,9 +252,9 @@ def test_one_trial_is_shown_alone_with_what_was_known_after_it(tmp_path: Path) -
     assert column(found["/world/robot/struts"], "time")[0].total_seconds() == 0
 
 
-def test_a_trial_that_does_not_exist_is_refused(tmp_path: Path) -> None:
+def test_a_trial_that_does_not_exist_is_refused_before_anything_is_recorded() -> None:
     with pytest.raises(UserError, match=r"sample has no trial 17: it has 4, counted from 1"):
-        saved(tmp_path, replace(with_maps(RUN), trial=17))
+        replace(with_maps(RUN), trial=17)
 
 
 def test_runs_are_shown_side_by_side_below_their_names(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
