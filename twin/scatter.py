@@ -17,7 +17,7 @@ from vvvaltr.twin.engine import Start
 LONGEST_DRIVE_S = 5.0  # a motor that stops within a trial does so before this
 
 _WEAKEST = math.log(0.1)  # nobody goes on with a robot that is weaker than this
-_LARGEST = {"incline_rad": 0.5, "not_starting": 1.0, "stopping": 1.0, "step": 1.0, "step_factor": 1.0}
+_LARGEST = {"incline_rad": 0.5} | dict.fromkeys(("not_starting", "stopping", "step", "step_factor", "frequency"), 1.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from vvvaltr.controller.view.chart import ticks
 Pair = tuple[Parameter, Parameter]  # the searched frequencies of two motors
 Predict = Callable[[Sequence[Gait]], tuple[Estimate, ...]]
 
-_MOST_PAIRS = 45  # all of ten motors; of sixty, a recording would take an hour
+_MOST_PAIRS = 45  # all of ten motors; the 1770 of sixty would take a recording minutes
 _POINTS = 25  # along each side of a map
 # Bounds of a map's view, in points of the map: the picture, ticks on two sides, the colour scale on the right.
 MAP_X = (-6.5, _POINTS + 9.5)

@@ -33,6 +33,7 @@ def test_a_scatter_is_written_as_a_preset_and_what_differs_from_it():
         ("careful:incline_rad=2", "incline_rad is 2; allowed: 0 to 0.5"),
         ("careful:left=true", "left is 'true'; allowed: yes or no"),
         ("careful:drift=nan", "drift is nan"),
+        ("careful:frequency=10", "frequency is 10; allowed: 0 to 1"),
         ("hurried:azimuth_rad=nan", "azimuth_rad is nan; allowed: any angle"),
         ("hurried:azimuth_rad=inf", "azimuth_rad is inf"),
         ("careful:battery_trials=1.5", "not a whole number"),
