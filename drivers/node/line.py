@@ -142,7 +142,7 @@ def _raise_faults(name: str, telemetry: Telemetry) -> None:
 class NodeLine:
     """The motors of one node: satisfies ``vvvaltr.drivers.motor_line.MotorLine``. Made by ``open_node``.
 
-    ``welcome`` is what the node said of itself; ``repeated`` and ``missed`` count telemetry.
+    ``welcome`` is what the node said of itself.
     """
 
     period_s = _PERIOD_S
@@ -158,8 +158,6 @@ class NodeLine:
         telemetry: Telemetry,
     ) -> None:
         self.welcome = welcome
-        self.repeated = 0
-        self.missed = 0
         self._link = link
         self._curves = tuple(motor.calibration for motor in motors)
         self._decoder = decoder
@@ -246,14 +244,12 @@ class NodeLine:
         last = self.telemetry.sequence
         ahead = (telemetry.sequence - last) % SEQUENCES
         if ahead == 0:
-            self.repeated += 1  # harmless, and nothing new
-            return
+            return  # the same once more: harmless, and nothing new
         if ahead >= SEQUENCES // 2:
             raise DeviceFault(
                 SEQUENCE, f"{self.name}: telemetry {telemetry.sequence} came after {last}; {_TWO_HOSTS_CURE}"
             )
         if ahead > 1:
-            self.missed += ahead - 1
             _log.debug("%s: %d telemetry messages lost before number %d", self.name, ahead - 1, telemetry.sequence)
         self._uptime_s += (telemetry.device_ms - self.telemetry.device_ms) % DEVICE_CLOCK_MS / 1000.0
         self._heard = (self._clock.here_s(self._uptime_s, time.monotonic()), telemetry)

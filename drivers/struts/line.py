@@ -78,11 +78,6 @@ class StrutsLine(LinkedStruts):
         stops_s = (math.inf if since_s is None else since_s for since_s in self._stop_s)
         return min(*(strut.heard_s for strut in self._struts), *stops_s)
 
-    @property
-    def battery_v(self) -> tuple[float | None, ...]:
-        """Voltage of each battery; None where it is not known."""
-        return tuple(strut.battery_v for strut in self._struts)
-
     def check(self, gait: Gait) -> None:
         """Raise ValueError for a frequency beyond a calibration curve."""
         self._targets_rpm(gait)
