@@ -43,7 +43,8 @@ class DriveBO(Search):
 
     How much the mean rises is a coefficient with a wide prior, and the dead zone is one of several, each weighed by how
     well it explains the trials: data decide about both. There is no initial design. The first gait is one of the
-    strongest, and from the second trial on the expected improvement decides. See ``Drive``.
+    strongest, and from the second trial on the expected improvement decides. See ``Drive``. With all motors off the
+    score is known to be 0.
 
     Where no frequency is searched, a drive has no meaning. The first trials are then spread over the space, as in
     Plain-BO.
