@@ -106,13 +106,13 @@ class Hypotheses:
         zones = list_zones(drive)
         return cls(drive, zones, tuple(processes[: len(zones)]))
 
-    def evidence(self) -> Array:
-        """Return the log evidence (h,) of each."""
-        return np.array([process.log_evidence() for process in self.processes])
+    def evidence(self, given: int = 0) -> Array:
+        """Return the log evidence (h,) of each, of all values but the first ``given``."""
+        return np.array([process.log_evidence(given) for process in self.processes])
 
-    def mean_evidence(self) -> float:
-        """Return the log of the evidence of all together, each as probable as another at first."""
-        evidence = self.evidence()
+    def mean_evidence(self, given: int) -> float:
+        """Return the log of the evidence, after the first values, of all together, equally probable at first."""
+        evidence = self.evidence(given)
         return float(evidence.max() + np.log(np.exp(evidence - evidence.max()).mean()))
 
     def chances(self) -> Array:

@@ -159,8 +159,9 @@ def learn_with_doubt(
     processes = follow_hypotheses(fitted, before[len(alone.processes) :], coupled)
     weights = probabilities
     if len(trials) > 1:  # the common scale is fitted to the first trial, which therefore decides nothing
-        earlier = sum(len(run.trials) for run in runs)
-        evidence = np.array([alone.mean_evidence(), *(process.log_evidence(given=earlier) for process in processes)])
+        rest = len(known) - len(fitted.rows)  # every robot stays where it is at rest: that speaks for no source
+        earlier = sum(len(run.trials) for run in runs) + rest
+        evidence = np.array([alone.mean_evidence(rest), *(process.log_evidence(earlier) for process in processes)])
         weights = probabilities * np.exp(evidence - evidence.max())
         weights /= weights.sum()
     posterior = mix(drive, alone, processes, zone, weights)
