@@ -6,6 +6,7 @@ import json
 import math
 import time
 from argparse import ArgumentParser, Namespace
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,7 +127,10 @@ def _trials(arguments: Namespace) -> Iterator[LoggedTrial]:
     hz = _HZ[arguments.unit]
     motors = _names(arguments.gait)
     measure = _of_movements(arguments) if arguments.movement else _of_scores(arguments)
-    table = read_foreign_table(arguments.csv, [*motors, *_names(arguments.movement or arguments.score)])
+    columns = [*motors, *_names(arguments.movement or arguments.score)]
+    if twice := [name for name, count in Counter(columns).items() if count > 1]:
+        raise NotUnderstood(f"column {twice[0]!r} is named twice: each motor and each score has its own")
+    table = read_foreign_table(arguments.csv, columns)
     now_unix_s, number = time.time(), 0
     for row in table.rows:
         where = f"{arguments.csv}, line {row.line}"

@@ -152,6 +152,10 @@ def _count_from_1(spec: str) -> str:
     return ":".join([kind, ",".join(str(int(number) + 1) for number in rest[0].split(",")), *rest[1:]])
 
 
+STEERING = ("repertoire", "go", "jog")
+"""What stands in place of a method in the runs of commands that drive without searching."""
+
+
 def resumed_config(run: Path, config: RunConfig, named: str | None) -> RunConfig:
     """Return the configuration with which a run goes on; ``named`` is the robot's file that the user names, or None.
 

@@ -25,6 +25,7 @@ from vvvaltr.controller.robot.choice import option
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.runs.attended import Attended, make_attendance
 from vvvaltr.controller.runs.config import (
+    STEERING,
     RunConfig,
     check_config,
     load_config,
@@ -82,6 +83,8 @@ class RunDirectory:
             DeviceError: the robot cannot be opened.
         """
         stored = load_config(path)
+        if stored.method in STEERING:
+            raise UserError(f"{path} is a run of {stored.method!r}, not of a search: go on by vvvaltr {stored.method}")
         named = asked.get("robot", {}).get("name")
         if not stored.robot.is_twin:  # whose file may have another name now
             asked = {**asked, "robot": {key: it for key, it in asked.get("robot", {}).items() if key != "name"}}

@@ -71,6 +71,8 @@ def test_a_run_learns_from_imported_trials(tmp_path: Path, capsys: pytest.Captur
     [
         (TABLE, {"gait": "RPM_1,RPM_9"}, "no column 'RPM_9' (did you mean RPM_"),
         (TABLE, {"score": "Speed"}, "Speed"),
+        (TABLE, {"gait": "RPM_1,RPM_1"}, "column 'RPM_1' is named twice"),
+        (TABLE, {"gait": "RPM_1,Displacement_mm"}, "column 'Displacement_mm' is named twice"),
         (TABLE, {"duration": ""}, "--duration"),
         (TABLE.replace("600", "fast"), {}, "line 2: RPM_1 is 'fast'"),
         (TABLE.replace("40", "nan"), {}, "line 3: Displacement_mm is 'nan'"),

@@ -17,6 +17,7 @@ from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
 from vvvaltr.controller.runs.log import read_run
+from vvvaltr.controller.runs.run import RunDirectory
 from vvvaltr.controller.studies.going import (
     Errand,
     GoRun,
@@ -49,6 +50,13 @@ def test_a_robot_that_was_never_seen_is_nowhere(tmp_path: Path) -> None:
 
     assert (found["reached"], found["position_m"], found["error_m"]) == (False, None, None)
     assert json.loads((tmp_path / "go" / "summary.json").read_text())["yaw_rad"] is None
+
+
+def test_a_run_of_steering_is_not_resumed_as_a_search(tmp_path: Path) -> None:
+    moves = run_of(tmp_path / "moves", {gait: (0.01 * number, 0.0, 0.0) for number, gait in enumerate(GAITS, start=1)})
+
+    with pytest.raises(UserError, match=r"is a run of 'repertoire', not of a search: go on by vvvaltr repertoire"):
+        RunDirectory.resume(moves, {})
 
 
 def test_a_goal_outside_the_arena_is_refused() -> None:
