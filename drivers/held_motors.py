@@ -169,11 +169,13 @@ class HeldMotors:
 
     def _shut(self) -> None:
         """Stop the motors and close the line; where the line is lost, the device's watchdog stops the motors."""
-        with suppress(LinkLost):
-            self.send_stop()
-        self._closing.set()
-        self._thread.join()
-        self._line.close()
+        try:
+            with suppress(LinkLost):
+                self.send_stop()
+        finally:  # an interrupt, too, leaves neither the thread nor the line behind
+            self._closing.set()
+            self._thread.join()
+            self._line.close()
 
     def _run(self) -> None:
         with suppress(OSError):  # where the system allows it, nothing else in the process delays this thread

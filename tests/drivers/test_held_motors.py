@@ -68,11 +68,11 @@ class Line:
         return [value for sent_s, value in self.sent if sent_s >= t_s]
 
 
-def raising(error: Exception) -> Callable[[float], None]:
-    def listen(until_s: float) -> None:
+def raising(error: BaseException) -> Callable[..., None]:
+    def act(*_: float) -> None:
         raise error
 
-    return listen
+    return act
 
 
 @contextmanager
@@ -273,6 +273,17 @@ def test_what_the_line_cannot_encode_is_refused_and_nothing_sent() -> None:
             motors.drive(Gait((21.0,)), 1.0)
 
         assert set(line.sent_since(0.0)) <= {0.0}
+
+
+def test_an_interrupt_while_the_line_is_closed_leaves_it_closed() -> None:
+    with held() as (motors, (line,)):
+        motors.drive(GAIT, 1.0)
+        motors.send_stop, stop = raising(KeyboardInterrupt("SIGINT")), motors.send_stop  # type: ignore[method-assign]
+        with pytest.raises(KeyboardInterrupt):
+            motors.close()
+        motors.send_stop = stop  # type: ignore[method-assign]
+
+        assert line.is_closed
 
 
 def test_closing_twice_does_no_harm() -> None:
