@@ -13,11 +13,11 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from vvvaltr.controller.core.gaits import Gait, Quantity
 from vvvaltr.controller.core.values import MotorState
+from vvvaltr.drivers.following import Follower, SlewLimit
 from vvvaltr.drivers.motor_line import MotorLine, Patience, Unhurried
 
 _log = logging.getLogger(__name__)
@@ -27,7 +27,6 @@ _LATE_S = 0.2  # between two set-points: less than any device's watchdog
 # A motor with a sensor has time to start. Once it rotates it may lag no longer than a device takes to report the fault
 # that may be the cause; when the motor is being stopped, there is no time left to wait for that report.
 _LAG_AT_STOP_S = 0.05
-_STARTED_SHARE, _STALLED_SHARE, _LEAST_HZ = 0.8, 0.4, 1.0
 _PRIORITY = 10
 
 
@@ -49,7 +48,7 @@ class HeldMotors:
 
     def __init__(self, open_line: Callable[[], MotorLine], ramp_hz_s: Sequence[float] = ()) -> None:
         self._open_line = open_line
-        self._slew = _SlewLimit(ramp_hz_s)
+        self._slew = SlewLimit(ramp_hz_s)
         self._sending = threading.Lock()
         self._gait: Gait | None = None
         self._until_s = self._told_s = self._stopped_s = 0.0
@@ -162,7 +161,7 @@ class HeldMotors:
         self._patience = self._line.patience if isinstance(self._line, Unhurried) else Patience()
         self._gait = None
         self._problem = None
-        self._followers = [_Follower(number) for number in range(1, self._line.motor_count + 1)]
+        self._followers = [Follower(number) for number in range(1, self._line.motor_count + 1)]
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"motors on {self._line.name}", daemon=True)
         self._thread.start()
@@ -270,59 +269,3 @@ class HeldMotors:
     def _raise_problem(self) -> None:
         if self._problem is not None:
             raise self._problem
-
-
-class _SlewLimit:
-    """Approaches a gait no faster than each motor may change. The ramp of a trial scales the whole gait instead."""
-
-    def __init__(self, ramp_hz_s: Sequence[float]) -> None:
-        self._ramp_hz_s = tuple(ramp_hz_s)
-        self._before: tuple[float, Gait] | None = None
-
-    def restart(self) -> None:
-        """Begin from rest."""
-        self._before = None
-
-    def duration_s(self, gait: Gait) -> float:
-        """Return how long it takes from rest to ``gait``."""
-        ramps = zip(gait.frequency_hz, self._ramp_hz_s, strict=True) if self._ramp_hz_s else ()
-        return max((abs(hz) / ramp_hz_s for hz, ramp_hz_s in ramps if ramp_hz_s), default=0.0)
-
-    def towards(self, gait: Gait, now_s: float) -> Gait:
-        """Return how much of ``gait`` is due at ``now_s``."""
-        if not any(self._ramp_hz_s):
-            return gait
-        then_s, last = self._before or (now_s, gait.scaled(0.0))
-        due_hz = tuple(
-            max(before - ramp * (now_s - then_s), min(before + ramp * (now_s - then_s), wanted)) if ramp else wanted
-            for before, wanted, ramp in zip(last.frequency_hz, gait.frequency_hz, self._ramp_hz_s, strict=True)
-        )
-        step = replace(gait, frequency_hz=due_hz)
-        self._before = (now_s, step)
-        return step
-
-
-class _Follower:
-    """Compares what a motor does with its set-point. Times as ``time.monotonic()`` counts."""
-
-    def __init__(self, number: int) -> None:
-        self.number = number
-        self.wanted_hz = 0.0
-        self._told_s = self._followed_s = 0.0
-        self._has_started = False
-
-    def want(self, frequency_hz: float, now_s: float) -> None:
-        """Note a set-point; after one that is much greater, or nearly 0, the motor has time to start again."""
-        if abs(frequency_hz) < _LEAST_HZ or abs(frequency_hz - self.wanted_hz) > _STALLED_SHARE * abs(frequency_hz):
-            self._has_started, self._told_s = False, now_s
-        self.wanted_hz = frequency_hz
-
-    def has_stalled(self, frequency_hz: float, t_s: float, start_s: float, lag_s: float) -> bool:
-        """Return whether the motor, at ``frequency_hz`` at ``t_s``, has not started in time or lags for too long."""
-        if abs(self.wanted_hz) < _LEAST_HZ:
-            return False
-        share = frequency_hz / self.wanted_hz
-        if share > _STALLED_SHARE:
-            self._followed_s = t_s
-        self._has_started = self._has_started or share > _STARTED_SHARE
-        return t_s > (self._followed_s + lag_s if self._has_started else self._told_s + start_s)
