@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from argparse import ArgumentParser, Namespace
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +37,7 @@ def _execute(arguments: Namespace) -> Answer:
     out = arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-jog"
     run = JogRun.create(out, asked_robot(arguments), arguments.seed or 0, arguments.repertoire)
     try:
-        with raw_keyboard(sys.stdin.fileno()) as keyboard:
+        with closing(run), raw_keyboard(sys.stdin.fileno()) as keyboard:
             say(arguments, f"arrow keys: {', '.join(run.keys)}; space stops; q leaves")
             for logged in run.jog(JogKeys(keyboard)):
                 trial = logged.trial
@@ -44,9 +45,10 @@ def _execute(arguments: Namespace) -> Answer:
                     say(arguments, f"{logged.suggestion.origin.partition(': ')[2]} for {trial.duration_s:.1f} s")
                 else:
                     say(arguments, f"{trial.outcome}: {trial.reason}")
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(f"{interrupt}; what was driven is saved in {out}") from None
     finally:
-        run.close()
-    result = run.summarise()
+        result = run.summarise()
     return Answer(_prose(result), result)
 
 

@@ -1,7 +1,9 @@
 """`jog` at a terminal, and what it does where there is none."""
 
+import json
 import os
 import pty
+import signal
 import subprocess
 import sys
 import time
@@ -57,3 +59,21 @@ def test_a_person_at_a_terminal_drives_the_planar_twin(tmp_path: Path) -> None:
     (logged,) = read_run(out).trials
     assert logged.suggestion.origin == "jog: forward"
     assert 0.4 <= logged.trial.duration_s <= 1.2
+
+
+def test_an_interrupt_says_where_what_was_driven_is_and_leaves_a_summary(tmp_path: Path) -> None:
+    moves, out = tmp_path / "moves", tmp_path / "jog"
+    assert main(["repertoire", "--gaits", "8", "--duration", "2", "--out", str(moves)]) == 0
+    master, terminal = pty.openpty()
+    command = [*VVVALTR, "jog", "--repertoire", str(moves), "--out", str(out)]
+    with subprocess.Popen(command, stdin=terminal, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as program:
+        os.close(terminal)
+        assert program.stderr is not None
+        assert b"arrow keys" in program.stderr.readline()
+        program.send_signal(signal.SIGINT)
+        told = program.stderr.read().decode()
+        assert program.wait(20) == 130
+    os.close(master)
+
+    assert told.splitlines()[-1] == f"vvvaltr: interrupted (SIGINT; what was driven is saved in {out})"
+    assert json.loads((out / "summary.json").read_text())["trials"] == 0
