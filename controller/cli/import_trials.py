@@ -62,12 +62,18 @@ def _add_arguments(parser: ArgumentParser) -> None:
         metavar="UNIT",
         help=f"unit of these columns: {', '.join((*_METRES, *_M_S))}; displacements only with --movement",
     )
-    parser.add_argument("--yaw-unit", choices=tuple(_RAD), metavar="UNIT", help="unit of the turn: rad or deg")
+    parser.add_argument(
+        "--yaw-unit",
+        choices=tuple(_RAD),
+        metavar="UNIT",
+        help="unit of the turn: rad or deg; needed with the column YAW",
+    )
     parser.add_argument(
         "--zero",
         choices=(_KEEP, _DROP),
         metavar="WHAT",
-        help="what a score of exactly 0 is: keep it, for the robot stood still; or drop it, for nothing was measured",
+        help="what a score of exactly 0 is: keep it, for the robot stood still; or drop it, for nothing was measured; "
+        "needed where there is one",
     )
     parser.add_argument("--duration", dest="duration_s", type=number(above=0), metavar="S",
                         help="duration of each trial, in s; needed if the score is a displacement")  # fmt: skip

@@ -31,7 +31,12 @@ def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("device", metavar="DEVICE", help="qik, odrive, node, struts, or the driver of a plug-in")
     parser.add_argument("--robot", choices=TWINS, default="planar", metavar="NAME",
                         help="twin that the motors move: planar or spatial (default planar)")  # fmt: skip
-    parser.add_argument("--tracker", default="stream", metavar="KIND", help="tracker that sees it (default stream)")
+    parser.add_argument(
+        "--tracker",
+        default="stream",
+        metavar="KIND",
+        help="tracker that sees it: stream, qtm, natnet or camera (default stream)",
+    )
     parser.add_argument("--pose-rate", type=number(above=0.0, high=100.0), metavar="HZ", default=50.0,
                         help="how often the tracker sends a pose (default 50; a common camera: 30)")  # fmt: skip
     parser.add_argument("--max-hz", type=number(above=0), metavar="HZ",
