@@ -28,13 +28,14 @@ def lay_out_columns(names: Sequence[str], rows: Sequence[Sequence[str]], width: 
 def plot_speeds(trials: Sequence[LoggedTrial], width: int, height: int = 9) -> str:
     """Return a plot of the speeds in mm/s: ``o`` measured, ``x`` nothing measured, ``-`` mean of the best gait.
 
-    Several trials may share a column; the fastest of them is shown.
+    Several trials may share a column; the fastest of them is shown. The axis follows what was measured: first means
+    that lie beyond it say next to nothing, and are left out.
     """
     scores = [1000.0 * logged.score for logged in trials if logged.score is not None]
     if not scores:
         return "no trial has measured a speed"
     means = [1000.0 * it.recommendation.estimate.mean for it in trials if it.recommendation is not None]
-    low, high = min(0.0, *scores), max(*scores, *means, 1e-3)
+    low, high = min(0.0, *scores), max(*scores, *means[-1:], 1e-3)
     columns = max(10, min(width - 9, len(trials)))
     cells = [[" "] * columns for _ in range(height)]
 
@@ -43,8 +44,8 @@ def plot_speeds(trials: Sequence[LoggedTrial], width: int, height: int = 9) -> s
 
     for place, logged in enumerate(trials):
         column = place * columns // len(trials)
-        if logged.recommendation is not None:
-            cells[row(1000.0 * logged.recommendation.estimate.mean)][column] = "-"
+        if logged.recommendation is not None and (mean := 1000.0 * logged.recommendation.estimate.mean) <= high:
+            cells[row(mean)][column] = "-"
         if logged.score is None:
             cells[-1][column] = "x"
     for place, logged in enumerate(trials):

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import pytest
 from sample_run import sample_run
 
 from vvvaltr.controller.cli.main import main
+from vvvaltr.controller.core.values import Estimate, Recommendation
 from vvvaltr.controller.runs.listing import State, describe_run, list_runs
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
 from vvvaltr.controller.view.terminal import lay_out_columns, plot_speeds
@@ -183,6 +185,13 @@ def test_the_plot_has_a_mark_for_each_trial() -> None:
     assert marks[0].strip()
     assert float(plot.splitlines()[1].partition("|")[0]) >= fastest - 0.1
     assert plot.isascii()
+
+
+def test_a_first_mean_that_is_vague_does_not_squeeze_the_trials() -> None:
+    first, *others = RUN.trials
+    vague = replace(first, recommendation=Recommendation(first.trial.gait, Estimate(9.0, 0.0, 90.0)))
+
+    assert plot_speeds([vague, *others], width=80).splitlines()[1] == plot_speeds(RUN.trials, width=80).splitlines()[1]
 
 
 def test_a_long_run_shares_the_columns_of_a_narrow_plot() -> None:
