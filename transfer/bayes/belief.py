@@ -69,11 +69,13 @@ class Belief:
 
         The posterior treats scale and hyperparameters as known. The intervals are widened to make up for it, the more
         the fewer trials there are. They are also widened by a share of the noise: to the model, that is whatever it
-        cannot follow from gait to gait, so it is not the scatter of repeats alone.
+        cannot follow from gait to gait, so it is not the scatter of repeats alone. The mean over the noise of a gait
+        that beats grows with its scatter, of which a few trials say too little to let it count in full.
         """
         mean, variance = self.posterior.predict(x)
-        noise = self.noise(x, GREATEST_SCATTER)
-        doubt = MODEL_DOUBT_TRIALS / len(self.seen) * variance + ROUGHNESS * noise
+        known = min(1.0, len(self.seen) / MODEL_DOUBT_TRIALS)
+        noise = self.noise(x, SCATTER + known * (GREATEST_SCATTER - SCATTER))
+        doubt = MODEL_DOUBT_TRIALS / len(self.seen) * variance + ROUGHNESS * self.noise(x, GREATEST_SCATTER)
         return self.scale.estimates(mean, variance, noise, doubt)
 
     def noise(self, x: Array, scatter: float = SCATTER) -> Array | float:
