@@ -19,7 +19,7 @@ from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import Rig, make_twin, open_rig
-from vvvaltr.controller.runs.config import RunConfig, load_config, resumed_config, save_config
+from vvvaltr.controller.runs.config import STEERING, RunConfig, load_config, resumed_config, save_config
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
 from vvvaltr.controller.runs.repertoire_file import SOURCE_NAME, read_repertoire, split_runs, table_of
 from vvvaltr.transfer.steering.passage import SHORTEST_S, where
@@ -172,12 +172,31 @@ def load_sources(paths: Sequence[Path]) -> Repertoire:
 def sorted_runs(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     """Return the runs that began with nothing, and those that began with a repertoire.
 
-    A run with which another one of them began is left out: what it tells is in the other one already.
+    A run with which another one of them began, or from which it was put together, at first or at second hand, is left
+    out: what it tells is in the other one already.
     """
-    began = [path for path in paths if (path / SOURCE_NAME).exists()]
-    known = {Path(name).resolve() for path in began for name in load_config(path).sources}
-    plain = [path for path in paths if path not in began and path.resolve() not in known]
-    return plain, [path for path in began if path.resolve() not in known]
+    holds = {path.resolve(): _runs_within(path) for path in paths}
+    for path in list(holds):  # one by one: of two that name each other, as after a folder was made anew, one stays
+        if any(path in within for other, within in holds.items() if other != path):
+            del holds[path]
+    kept = list({path.resolve(): path for path in paths if path.resolve() in holds}.values())
+    began = [path for path in kept if (path / SOURCE_NAME).exists()]
+    return [path for path in kept if path not in began], began
+
+
+def _runs_within(path: Path) -> set[Path]:
+    """Return the runs whose movements a run of steering holds; of those that are gone, no more than the name."""
+    found, ahead = set[Path](), [path.resolve()]
+    while ahead:
+        try:
+            config = load_config(ahead.pop())
+        except UserError:
+            continue
+        if config.method in STEERING:  # a search keeps its sources apart from its own trials
+            nearer = {Path(name).resolve() for name in config.sources} - found
+            found |= nearer
+            ahead += nearer
+    return found
 
 
 def _check_motors(path: Path, trials: Sequence[Trial], known: Repertoire) -> None:

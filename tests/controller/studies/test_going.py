@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
+from shutil import rmtree
 
 import msgspec
 import pytest
@@ -132,13 +133,35 @@ def test_runs_put_together_recommend_nothing(tmp_path: Path) -> None:
     assert all(logged.recommendation is None for logged in trials)
 
 
-def test_a_run_that_another_one_began_with_counts_once(tmp_path: Path) -> None:
-    moves = run_of(tmp_path / "moves", {GAITS[0]: (0.02, 0.0, 0.2)})
+def went_from(path: Path, source: Path) -> Path:
+    """Write a run of `go` that began with ``source`` and drove nothing."""
     choice = choose_robot({"name": "planar"})
     config = steering_config(choice, open_rig(choice, 0), "go", 0, 1, 5.0)
-    config = msgspec.structs.replace(config, sources=(str(moves),))
-    SteeringRun.create(tmp_path / "went", config, Run(), load_repertoire([moves])).close()
+    config = msgspec.structs.replace(config, sources=(str(source),))
+    SteeringRun.create(path, config, Run(), load_repertoire([source])).close()
+    return path
 
-    both = load_repertoire([moves, tmp_path / "went"])
 
-    assert both.movements[0].trials == 2
+def test_a_run_that_another_one_began_with_counts_once(tmp_path: Path) -> None:
+    moves = run_of(tmp_path / "moves", {GAITS[0]: (0.02, 0.0, 0.2)})
+    went = went_from(tmp_path / "went", moves)
+    together, again = tmp_path / "together", tmp_path / "again"
+    put_together([moves], together)
+
+    for paths in (
+        [moves, went],
+        [moves, went_from(again, went)],  # at second hand
+        [moves, together],
+        [went_from(tmp_path / "later", together), moves],
+        [moves, tmp_path / "moves" / ".." / "moves"],
+    ):
+        assert load_repertoire(paths).movements[0].trials == 2, paths
+
+
+def test_of_two_runs_that_name_each_other_one_counts(tmp_path: Path) -> None:
+    moves = run_of(tmp_path / "moves", {GAITS[0]: (0.02, 0.0, 0.2)})
+    went = went_from(tmp_path / "went", moves)
+    rmtree(moves)
+    put_together([went], moves)
+
+    assert load_repertoire([moves, went]).movements[0].trials == 2
