@@ -90,6 +90,7 @@ class FrameReader:
             if not (
                 0.0 < self.rate_hz <= _FASTEST_HZ
                 and 0 < pixels <= _LARGEST_PX
+                and self._slots > 0
                 and size == _HEAD.size + self._slots * (_SLOT.size + pixels)
             ):
                 raise ValueError("it is not as large as its pictures")

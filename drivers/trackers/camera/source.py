@@ -26,6 +26,7 @@ _EXPOSURE_UNIT_S = 1e-4  # Video4Linux
 _LOOK_S = 0.002  # between two looks for a picture of another program
 _STALE = 1.2  # periods: a picture that has waited for longer is passed over
 _MOST_SKIPPED = 8  # pictures that a driver may have kept back
+_GONE_S, _GONE_PERIODS = 5.0, 5.0  # without a picture, after which another program is taken to have ended
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +217,10 @@ class FolderSource:
         self._pictures = sorted(each for each in path.iterdir() if each.suffix.lower() in _SUFFIXES)
         if not self._pictures:
             raise UserError(f"tracker.source: the folder {path} holds no pictures ({', '.join(sorted(_SUFFIXES))})")
-        height, width = self._read(0).shape
+        try:
+            height, width = self._read(0).shape
+        except NoMorePictures as error:
+            raise UserError(f"tracker.source: {error}; remove it from the folder") from None
         self.applied = Wanted(width, height, rate_hz)
         self._shown = -1
         self._in_real_time = in_real_time
@@ -259,13 +263,22 @@ class SharedSource:
         except ValueError as error:
             raise UserError(f"tracker.source: {path}: {error}") from None
         self.applied = Wanted(self._reader.width_px, self._reader.height_px, self._reader.rate_hz)
-        self._shown = -1
+        self._path = path
+        self._shown, self._given_s = -1, time.monotonic()
 
     def newest(self) -> Frame:
-        """Wait for the next picture and return the newest one."""
+        """Wait for the next picture and return the newest one. Raises NoMorePictures."""
+        patience_s = max(_GONE_S, _GONE_PERIODS / self.applied.rate_hz)
         while (found := self._reader.newest(self._shown)) is None:
+            if time.monotonic() - self._given_s > patience_s:
+                raise NoMorePictures(
+                    f"no new picture in {self._path} for {patience_s:g} s; is the program that writes it running?"
+                )
             time.sleep(_LOOK_S)
+        self._given_s = time.monotonic()
         self._shown, t_s, grey = found
+        if not t_s <= self._given_s:  # such a picture would never grow old, however long ago it was taken
+            raise NoMorePictures(f"a picture in {self._path} is from the future; give it the time of time.monotonic()")
         return Frame(t_s, grey)
 
     def close(self) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from contextlib import closing
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,9 @@ from board_views import write_board_views
 
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.values import Pose
+from vvvaltr.drivers.trackers.camera import source
 from vvvaltr.drivers.trackers.camera.feed import FLOOR_M, LENS, TAG, mock_view
+from vvvaltr.drivers.trackers.camera.frames import FrameWriter
 from vvvaltr.drivers.trackers.camera.pictures import Painter
 
 POSE = Pose(0.0, (0.1, -0.05, TAG.height_m), 0.5)
@@ -125,3 +128,13 @@ def test_a_robot_with_another_tracker_is_told_what_to_set(robot, capsys):
     robot.write_text(ROBOT.split("[tracker]")[0] + '[tracker]\nkind = "stream"\nport = 5005\n')
     assert main(["camera", str(robot), "show"]) == 2
     assert "tracker.kind is 'stream'; set it to \"camera\"" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("action", ["show", "calibrate"])
+def test_pictures_whose_program_has_died_are_not_waited_for(action, robot, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(source, "_GONE_S", 0.05)
+    with closing(FrameWriter(tmp_path / "frames", 1280, 720, 1000.0)) as writer:
+        writer.write(1.0, np.full((720, 1280), 128, np.uint8))
+    robot.write_text(ROBOT.format(source=f"frames:{tmp_path / 'frames'}") + FLOOR + LENS_TABLE)
+    assert main(["camera", str(robot), action]) == 1
+    assert "frames for 0.05 s; is the program that writes it running?" in capsys.readouterr().err

@@ -1,5 +1,7 @@
 """Where pictures come from, and what is said when they do not."""
 
+import math
+import struct
 import time
 
 import cv2
@@ -7,10 +9,12 @@ import numpy as np
 import pytest
 
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.drivers.trackers.camera import source as source_module
 from vvvaltr.drivers.trackers.camera.frames import FrameReader, FrameWriter
 from vvvaltr.drivers.trackers.camera.source import NoMorePictures, Wanted, device_problem, open_source
 
 FAST = Wanted(rate_hz=100.0)
+NO_SLOTS = struct.pack("<8sIIIdq", b"vvvaltr1", 64, 48, 0, 30.0, 5)
 
 
 def grey(level: int) -> np.ndarray:
@@ -64,15 +68,15 @@ def test_a_film_is_shown_in_real_time_and_then_ends(tmp_path):
 def test_another_programs_newest_picture_is_taken_and_each_only_once(tmp_path):
     writer = FrameWriter(tmp_path / "frames", 64, 48, 30.0)
     for level in range(9):
-        writer.write(100.0 + level, grey(level))
+        writer.write(1.0 + level, grey(level))
     source = open_source(f"frames:{tmp_path / 'frames'}", FAST)
     frame = source.newest()
-    assert (frame.t_s, frame.grey[0, 0], frame.grey.shape) == (108.0, 8, (48, 64))
+    assert (frame.t_s, frame.grey[0, 0], frame.grey.shape) == (9.0, 8, (48, 64))
     reader = FrameReader(tmp_path / "frames")
     assert reader.newest(after=8) is None
-    writer.write(109.0, grey(9))
-    assert reader.newest(after=8)[1] == 109.0
-    assert source.newest().t_s == 109.0
+    writer.write(10.0, grey(9))
+    assert reader.newest(after=8)[1] == 10.0
+    assert source.newest().t_s == 10.0
 
 
 def test_a_picture_of_another_size_is_not_handed_on(tmp_path):
@@ -81,12 +85,41 @@ def test_a_picture_of_another_size_is_not_handed_on(tmp_path):
         writer.write(0.0, np.zeros((64, 48), np.uint8))
 
 
-@pytest.mark.parametrize("content", [b"", b"vvvaltr1", b"\0" * 5000, b"vvvaltr1" + b"\xff" * 5000])
+@pytest.mark.parametrize("content", [b"", b"vvvaltr1", b"\0" * 5000, b"vvvaltr1" + b"\xff" * 5000, NO_SLOTS])
 def test_a_file_that_holds_no_pictures_is_refused_with_its_name(tmp_path, content):
     path = tmp_path / "frames"
     path.write_bytes(content)
     with pytest.raises(UserError, match=f"{path}: it"):
         open_source(f"frames:{path}", FAST)
+
+
+def test_a_program_that_writes_no_more_pictures_is_asked_for_and_not_waited_for(tmp_path, monkeypatch):
+    monkeypatch.setattr(source_module, "_GONE_S", 0.05)
+    writer = FrameWriter(tmp_path / "frames", 64, 48, 1000.0)
+    writer.write(1.0, grey(1))
+    source = open_source(f"frames:{tmp_path / 'frames'}", FAST)
+    source.newest()
+    began_s = time.monotonic()
+    for _ in range(2):
+        with pytest.raises(NoMorePictures, match=r"no new picture in .*frames for 0\.05 s; is the program .* running"):
+            source.newest()
+    assert time.monotonic() - began_s < 0.2  # the second time at once
+    writer.write(2.0, grey(2))
+    assert source.newest().t_s == 2.0
+
+
+@pytest.mark.parametrize("t_s", [time.time(), math.inf])
+def test_a_picture_from_the_future_which_would_never_grow_old_is_refused(tmp_path, t_s):
+    FrameWriter(tmp_path / "frames", 64, 48, 30.0).write(t_s, grey(1))
+    source = open_source(f"frames:{tmp_path / 'frames'}", FAST)
+    with pytest.raises(NoMorePictures, match=r"frames is from the future; give it the time of time\.monotonic"):
+        source.newest()
+
+
+def test_a_folder_whose_first_picture_cannot_be_read_is_refused_with_its_name(tmp_path):
+    (tmp_path / "000.png").write_bytes(b"Dear Sir")
+    with pytest.raises(UserError, match=r"tracker\.source: .*000\.png is no picture; remove it"):
+        open_source(str(tmp_path), FAST)
 
 
 def test_a_program_that_is_not_running_is_asked_for(tmp_path):
