@@ -233,10 +233,14 @@ def _check_rest(robot: RobotFile) -> None:
     if robot.trial.hold_s <= robot.trial.period_s:
         raise ValueError(f"trial.hold_s is {robot.trial.hold_s:g}; allowed: above period_s, {robot.trial.period_s:g}")
     for axis in ("x_m", "y_m"):
-        if robot.arena and not getattr(robot.arena, axis)[0] < getattr(robot.arena, axis)[1]:
+        if robot.arena and not 0.0 < getattr(robot.arena, axis)[1] - getattr(robot.arena, axis)[0] < math.inf:
             raise ValueError(
-                f"arena.{axis} is {list(getattr(robot.arena, axis))}; allowed: [low, high] with low < high"
+                f"arena.{axis} is {list(getattr(robot.arena, axis))}; allowed: [low, high] with low < high, both finite"
             )
+    try:
+        _ = robot.start_place
+    except ValueError as error:
+        raise ValueError(f"start.{error}") from None
     if robot.start and Placement(arena=robot.trial_settings.arena).is_at_border(robot.start.x_m, robot.start.y_m):
         raise ValueError(
             f"start is at x_m {robot.start.x_m:g}, y_m {robot.start.y_m:g}; allowed: well inside the arena"

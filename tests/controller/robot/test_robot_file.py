@@ -317,3 +317,17 @@ def test_a_file_of_version_0_1_opens_and_its_devices_are_written_as_they_were(de
     for key in ("line", "search", "body"):
         assert written[key] == former[key]
     assert written["tracker"].items() >= former["tracker"].items()  # new keys have joined it since
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("x_m", "inf"), ("yaw_rad", "nan"), ("yaw_rad", "inf"), ("within_m", "inf")]
+)
+def test_a_start_that_no_robot_could_be_put_back_to_is_named_with_its_key(path: Path, key: str, value: str) -> None:
+    without_arena = GOOD[: GOOD.index("[arena]")]
+    assert refusal(path, f"{without_arena}[start]\n{key} = {value}\n").startswith(f"start.{key} is {value}")
+
+
+@pytest.mark.parametrize("side", ["[-inf, inf]", "[0.0, inf]", "[-inf, 1.0]", "[nan, 1.0]", "[1.0, 1.0]"])
+def test_an_arena_without_a_middle_is_refused(path: Path, side: str) -> None:
+    message = refusal(path, GOOD.replace("[-0.5, 0.5]", side))
+    assert message == f"arena.x_m is {side}; allowed: [low, high] with low < high, both finite"
