@@ -88,7 +88,7 @@ def _print_tags(arguments: Namespace, robot: RobotFile, table: CameraTable) -> A
     tags += [(each.id, arguments.floor_size, "floor") for each in table.floor]
     with one_line_errors():
         pages = [board_page()] if arguments.board else tag_pages(tags)
-    stem = (arguments.out or Path("board" if arguments.board else "tag")).with_suffix("")
+    stem = _named(arguments, "board" if arguments.board else "tag", "")
     files = []
     for sheet, page in enumerate(pages, start=1):
         name = f"{stem}-{sheet}" if len(pages) > 1 else str(stem)
@@ -97,6 +97,14 @@ def _print_tags(arguments: Namespace, robot: RobotFile, table: CameraTable) -> A
         files += [f"{name}.svg", f"{name}.png"]
     prose = f"wrote {', '.join(files)}: print at 100 %, and measure the ruler"
     return Answer(prose, {"files": files, "tags": [] if arguments.board else [tag[0] for tag in tags]})
+
+
+def _named(arguments: Namespace, usual: str, suffix: str) -> Path:
+    """Return the name of what is written. Raises NotUnderstood for a name that is only a folder's."""
+    path: Path = arguments.out or Path(usual)
+    if path.name in ("", ".."):
+        raise NotUnderstood(f"--out {path} names no file: give {path / usual}, for example")
+    return path.with_suffix(suffix)
 
 
 def _calibrate(arguments: Namespace, robot: RobotFile, table: CameraTable) -> Answer:
@@ -147,7 +155,7 @@ def _show(arguments: Namespace, robot: RobotFile, table: CameraTable) -> Answer:
         if arguments.live:
             _show_live(arguments, looks)
         look = looks.first()
-        path = (arguments.out or Path("camera")).with_suffix(".png")
+        path = _named(arguments, "camera", ".png")
         _write_png(path, look.picture)
     if not look.data["pose"]:
         raise UserError(f"{look.data['problem']}; {path} shows what the camera sees")

@@ -138,3 +138,10 @@ def test_pictures_whose_program_has_died_are_not_waited_for(action, robot, tmp_p
     robot.write_text(ROBOT.format(source=f"frames:{tmp_path / 'frames'}") + FLOOR + LENS_TABLE)
     assert main(["camera", str(robot), action]) == 1
     assert "frames for 0.05 s; is the program that writes it running?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("action", ["print-tag", "show"])
+@pytest.mark.parametrize("out", [".", "..", "/"])
+def test_a_name_that_is_only_a_folders_is_refused_with_one_that_would_do(action, out, robot, capsys):
+    assert main(["camera", str(robot), action, "--out", out]) == 2
+    assert f"--out {out} names no file" in capsys.readouterr().err
