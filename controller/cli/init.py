@@ -41,7 +41,8 @@ def _execute(arguments: Namespace) -> Answer:
     lines = [f"wrote      {path}: {arguments.motors} motors on {driver} {port}, tracker {arguments.tracker}".rstrip()]
     lines += [f"no answer  {problem}"] if problem else []
     lines.append(f"next       look through {path}, then: vvvaltr check {path}")
-    data = {"file": str(path), "driver": driver, "port": port, "answers": not problem, "problem": problem}
+    answers = None if arguments.no_probe else not problem
+    data = {"file": str(path), "driver": driver, "port": port, "answers": answers, "problem": problem}
     return Answer("\n".join(lines), data)
 
 

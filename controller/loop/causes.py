@@ -73,9 +73,9 @@ def review_speed(gait: Gait, speed_m_s: float, history: Sequence[LoggedTrial]) -
     before = speeds_of(gait, history)
     if not is_far_below(speed_m_s, before):
         return Review()
-    told = describe_standing([*before, speed_m_s])
-    text = f"far below what the gait did before, did a motor stand still? it has {told}"
-    return Review(is_suspect=True, suspicion=text)
+    standing = describe_standing([*before, speed_m_s])
+    told = f" it has {standing}" if standing.moving < standing.trials else ""  # no two groups can be told apart
+    return Review(is_suspect=True, suspicion=f"far below what the gait did before, did a motor stand still?{told}")
 
 
 def to_repeat(history: Sequence[LoggedTrial]) -> Gait | None:

@@ -57,6 +57,14 @@ def test_the_device_is_asked_whether_it_is_there(tmp_path: Path, capsys: pytest.
     assert file.exists()
 
 
+def test_of_a_device_that_was_not_asked_no_answer_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["--driver", "qik", "--port", str(tmp_path / "nothing"), "--no-probe", "--json"]
+
+    assert main(["init", str(tmp_path / "robot.toml"), *asked]) == 0
+
+    assert json.loads(capsys.readouterr().out)["answers"] is None
+
+
 @pytest.mark.parametrize(
     ("found", "arguments", "words"),
     [

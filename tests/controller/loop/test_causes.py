@@ -92,6 +92,12 @@ def test_a_first_trial_is_never_suspect():
     assert not review_speed(GAIT, 0.0, [logged(0.1, 1, gait=OTHER)]).is_suspect
 
 
+def test_a_suspect_trial_among_speeds_of_all_sizes_is_not_said_to_have_moved() -> None:
+    review = review_speed(GAIT, 0.00005, [logged(0.0023, 1), logged(0.00023, 2)])
+
+    assert review.suspicion == "far below what the gait did before, did a motor stand still?"
+
+
 def test_a_loss_of_strength_is_told_once_in_words():
     random = np.random.default_rng(0)
     speeds = [0.1 * (0.5 if k >= 12 else 1.0) * float(np.exp(random.normal(0.0, 0.08))) for k in range(22)]
