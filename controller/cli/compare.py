@@ -57,13 +57,13 @@ def _execute(arguments: Namespace) -> Answer:
             for gait in gaits:
                 rig.robot.limits.check(gait)
         _compare(rig, comparison, choice.name, arguments)
-    result = comparison.describe()
-    if arguments.out is not None:
-        from vvvaltr.controller.runs.measured import write_summary
-
-        result["run"] = str(arguments.out)
-        write_summary(arguments.out, {**result, "robot": choice.name})
+    result = _result(comparison, arguments)
     return Answer(_prose(result), result)
+
+
+def _result(comparison: Comparison, arguments: Namespace) -> dict[str, Any]:
+    found = comparison.describe()
+    return found if arguments.out is None else {**found, "run": str(arguments.out)}
 
 
 def _choose(arguments: Namespace) -> RobotChoice:
@@ -88,10 +88,12 @@ def _compare(rig: Rig, comparison: Comparison, robot: str, arguments: Namespace)
     with ExitStack() as stack:
         if arguments.out is not None:
             from vvvaltr.controller.runs.log import describe_maker
-            from vvvaltr.controller.runs.measured import begin_measured_run
+            from vvvaltr.controller.runs.measured import begin_measured_run, write_summary
 
             about = describe_maker(robot, arguments.seed or 0)
             record = stack.enter_context(begin_measured_run(arguments.out, rig.robot.structure, about)).append
+            # However it ends: an interrupt leaves the rounds that were driven, and what they show.
+            stack.callback(lambda: write_summary(arguments.out, {**_result(comparison, arguments), "robot": robot}))
         progress = stack.enter_context(bar(arguments, total=arguments.trials, unit="trial", desc="comparing"))
         for logged in compare(rig.robot, settings, comparison, record):
             progress.update(logged.score is not None)

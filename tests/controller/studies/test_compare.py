@@ -1,4 +1,6 @@
 import json
+from itertools import count
+from typing import Any
 
 import numpy as np
 import pytest
@@ -6,9 +8,12 @@ import pytest
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.errors import TrackingLost, UserError
 from vvvaltr.controller.core.gaits import Gait
+from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Pose
+from vvvaltr.controller.loop.one_trial import make_trial
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.runs.log import LOG_NAME, read_run
+from vvvaltr.controller.studies import compare as study
 from vvvaltr.controller.studies.compare import Comparison, Contest, compare
 from vvvaltr.twin.presets import planar_robot
 
@@ -100,3 +105,26 @@ def test_a_run_stands_for_the_gait_it_recommends_on_its_own_robot(tmp_path, caps
 def test_what_recommends_nothing_is_said_with_its_cure(capsys):
     assert main(["compare", "runs/none", "4,4,4", "--robot", "planar"]) in (1, 2)
     assert "runs/none" in capsys.readouterr().err
+
+
+def test_an_interrupt_leaves_a_summary_of_the_rounds_that_were_driven(tmp_path, monkeypatch):
+    out, calls = tmp_path / "compared", count(1)
+
+    def make_or_interrupt(*arguments: Any) -> LoggedTrial:
+        if next(calls) == 6:
+            raise KeyboardInterrupt("SIGINT")
+        return make_trial(*arguments)
+
+    monkeypatch.setattr(study, "make_trial", make_or_interrupt)
+
+    assert main(["compare", "12,14,16", "12,14,16.01", "--duration", "1", "--out", str(out), "-q"]) == 130
+
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["rounds"], summary["better"], summary["run"]) == (2, None, str(out))
+    assert len(read_run(out).trials) == 5
+
+
+def test_a_folder_that_is_there_already_keeps_its_own_summary(tmp_path):
+    (tmp_path / "summary.json").write_text("mine")
+    assert main(["compare", "12,14,16", "9,15,7", "--out", str(tmp_path), "-q"]) == 1
+    assert (tmp_path / "summary.json").read_text() == "mine"
