@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import select
 import sys
 import termios
@@ -14,6 +15,8 @@ GONE = "gone"
 """Stands for the key of a terminal that was closed."""
 
 _ESCAPE_S = 0.02  # within which the rest of an arrow key follows its first byte
+_SEQUENCE = re.compile(rb"\x1b(?:\[([0-?]*[$@-~])|O([@-~]))")  # of one key; ECMA-48, and $ as rxvt sends it
+_BEGUN = re.compile(rb"\x1b(?:\[[0-?]*|O)?")
 _ARROWS = {b"A": "up", b"B": "down", b"C": "right", b"D": "left"}
 
 
@@ -31,9 +34,10 @@ class Keyboard:
     def read(self, wait_s: float) -> list[str]:
         """Return the keys that have come, after waiting for one for at most ``wait_s``."""
         if not select.select([self._terminal], [], [], wait_s)[0]:
-            is_escape = self._rest == b"\x1b" and wait_s > _ESCAPE_S
-            self._rest = b"" if is_escape else self._rest
-            return ["\x1b"] if is_escape else []
+            if wait_s <= _ESCAPE_S:
+                return []
+            rest, self._rest = self._rest, b""  # nothing has followed: the next key, which may be a stop, is its own
+            return ["\x1b"] if rest == b"\x1b" else []
         try:
             came = os.read(self._terminal, 1024)
         except OSError:  # as of a pseudo-terminal whose other end is closed
@@ -48,13 +52,13 @@ def decode_keys(text: bytes) -> tuple[list[str], bytes]:
     """Return the keys of what a terminal sent, and the beginning of one that is not complete yet."""
     keys: list[str] = []
     while text:
-        if text[:1] == b"\x1b":
-            if text in (b"\x1b", b"\x1b[", b"\x1bO"):
-                return keys, text
-            if text[1:2] in (b"[", b"O"):
-                keys += [_ARROWS[text[2:3]]] if text[2:3] in _ARROWS else []
-                text = text[3:]
-                continue
+        if _BEGUN.fullmatch(text):
+            return keys, text
+        if found := _SEQUENCE.match(text):
+            name = found[1] or found[2]
+            keys += [_ARROWS[name]] if name in _ARROWS else []
+            text = text[found.end() :]
+            continue
         length = _length(text[0])
         if len(text) < length and all(0x80 <= byte < 0xC0 for byte in text[1:]):
             return keys, text

@@ -22,6 +22,8 @@ from vvvaltr.controller.core.attending import WISHES, Request, Stage, Wish
         (b"\x1b[C\x1b[D", ["right", "left"]),
         (b" q", [" ", "q"]),
         (b"\x1b[H\x1b[A", ["up"]),
+        (b"\x1b[3~\x1b[15~\x1b[1;5C\x1b[1;2S\x1b[3$\x1bOPq", ["q"]),  # Delete, F5, Ctrl-Right, Shift-F4, F1
+        (b"\x1b[ ", ["\x1b", "[", " "]),  # no key begins so, and a stop is heard
         ("ä€".encode(), ["ä", "€"]),
         (b"\xff\xc3a", ["a"]),
     ],
@@ -36,6 +38,19 @@ def test_bytes_that_come_in_two_parts_are_the_same_keys(sent: bytes, cut: int) -
     second, _ = decode_keys(rest + sent[cut:])
 
     assert first + second == decode_keys(sent)[0]
+
+
+@pytest.mark.parametrize("begun", [b"\x1b[", b"\x1bO", b"\x1b[1;", b"\xe2"])
+def test_a_stop_is_heard_after_the_beginning_of_a_key_that_never_came_whole(begun: bytes) -> None:
+    read, write = os.pipe()
+    keyboard = Keyboard(read)
+    os.write(write, begun)
+    assert keyboard.read(0.1) == []
+    assert keyboard.read(0.03) == []
+    os.write(write, b"s")
+    assert keyboard.read(0.1) == ["s"]
+    os.close(read)
+    os.close(write)
 
 
 def test_a_terminal_that_is_gone_says_so() -> None:
