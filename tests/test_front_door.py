@@ -117,12 +117,23 @@ def test_learning_keeps_its_trials_in_a_folder(tmp_path: Path) -> None:
     assert kept.structure is not None
 
 
+def test_a_folder_that_cannot_be_made_is_named_before_anything_moves(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(vvvaltr.UserError, match=r"file/run cannot be made: .*; choose another place"):
+        learned(trials=2, duration_s=1.0, out=tmp_path / "file" / "run")
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         ({"score": "nett"}, "no score 'nett'"),
         ({"out": "."}, "exists"),
         ({"trials": 0}, "trials is 0"),
+        ({"trials": math.nan}, "trials is nan"),
+        ({"trials": 12, "confirm": (-3, 4)}, r"confirm is \(-3, 4\)"),
+        ({"duration_s": 0.0}, "duration_s is 0: give a time"),
+        ({"duration_s": math.nan}, "duration_s is nan"),
+        ({"duration_s": math.inf}, "duration_s is inf"),
         ({"trials": 12, "confirm": (3, 4)}, "confirm 3x4 leaves no trial"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -20,6 +21,7 @@ from vvvaltr.controller.loop.scoring import SCORES
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.runs import log
+from vvvaltr.controller.runs.measured import begin_measured_run
 from vvvaltr.controller.runs.run import load_source
 from vvvaltr.twin.robot import TwinRobot
 
@@ -118,7 +120,7 @@ def learn(
         observers: told of each trial and event; a failure of theirs does not end the run.
 
     Raises:
-        UserError: an argument is impossible, ``out`` exists, or several trials in a row have failed.
+        UserError: an argument is impossible, ``out`` exists or cannot be made, or several trials in a row have failed.
         KeyboardInterrupt: a trial was interrupted; it has been recorded.
         TrialCrashed: the program failed during a trial; it has been recorded.
     """
@@ -130,6 +132,8 @@ def learn(
     chosen = settings or (robot.settings if isinstance(robot, OpenRobot) else TrialSettings())
     if duration_s is not None:
         chosen = replace(chosen, duration_s=duration_s)
+    if not 0.0 < chosen.duration_s < math.inf:
+        raise UserError(f"duration_s is {chosen.duration_s:g}: give a time above 0 s, at which the motors stop")
 
     def trials_made() -> Iterator[LoggedTrial]:
         with _recording(robot, None if out is None else Path(out)) as record:
@@ -139,8 +143,10 @@ def learn(
 
 
 def _budget(trials: int, score: str, confirm: tuple[int, int]) -> Budget:
-    if trials < 1:
+    if not trials >= 1:
         raise UserError(f"trials is {trials}: make at least 1")
+    if min(confirm) < 0:
+        raise UserError(f"confirm is {confirm}: give (gaits, repeats), or (0, 0) for no confirmation")
     with one_line_errors():
         return Budget(trials, score, confirm)
 
@@ -160,8 +166,7 @@ def _recording(robot: Robot, out: Path | None) -> Iterator[Callable[[LoggedTrial
     if out is None:
         yield lambda logged: None
         return
-    out.mkdir(parents=True)
-    with log.RunLog.create(out / log.LOG_NAME, robot.structure, about=log.describe_maker()) as kept:
+    with begin_measured_run(out, robot.structure, log.describe_maker()) as kept:
         yield kept.append
 
 

@@ -29,7 +29,7 @@ def begin_measured_run(path: Path, structure: Structure | None, about: Mapping[s
             with new_folder(path) as fresh:
                 log = undo.enter_context(RunLog.create(fresh / LOG_NAME, structure, about=about))
         except OSError as error:
-            raise UserError(f"{path} cannot be made: {error.strerror}; choose another --out, or make room") from error
+            raise UserError(f"{path} cannot be made: {error.strerror}; choose another place, or make room") from error
         undo.pop_all()
     return log
 
