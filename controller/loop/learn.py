@@ -118,7 +118,11 @@ def _make_trial(
     keep: Callable[[LoggedTrial], None],
     number: int,
 ) -> Generator[LoggedTrial, None, LoggedTrial]:
-    """Return a trial, judged by the operator and scored; yields one in which the program failed."""
+    """Return a trial, judged by the operator, scored and learned from.
+
+    Yields one in which the program failed, and one from which an interrupt kept the optimiser from learning: a resumed
+    run learns from it.
+    """
     attendance.begin(number)
     try:
         trial = fault_standing_motor(run_trial(attendance.robot, suggestion.gait, settings, number))
@@ -128,7 +132,13 @@ def _make_trial(
         yield logged
         raise
     trial, remarks = attendance.review(trial, plan.describe(trial))
-    return plan.judge(suggestion, trial, remarks)
+    logged = plan.judge(suggestion, trial, remarks)
+    try:
+        return plan.learn_from(logged)
+    except KeyboardInterrupt:
+        keep(logged)
+        yield logged
+        raise
 
 
 class _Troubles:

@@ -118,16 +118,21 @@ class Plan:
         return f"{1000.0 * score(trial, self._budget.score_name):.1f} mm/s"
 
     def judge(self, suggestion: Suggestion, trial: Trial, remarks: Remarks) -> LoggedTrial:
-        """Return the record of a trial; one that is valid, and not discarded, is scored and learned from first."""
+        """Return the record of a trial, scored if it is valid and not discarded; nothing is learned from it yet."""
         said = Review(remarks.notes, remarks.verdict, remarks.reason)
         if not trial.outcome.is_valid or remarks.verdict is Verdict.DISCARD:
             return replace(complete_record(suggestion, trial), review=said)
         speed_m_s = score(trial, self._budget.score_name)
         doubt = review_speed(trial.gait, speed_m_s, self._trials)
         review = replace(said, is_suspect=doubt.is_suspect, suspicion=doubt.suspicion)
-        logged = replace(complete_record(suggestion, trial, speed_m_s), review=review)
+        return replace(complete_record(suggestion, trial, speed_m_s), review=review)
+
+    def learn_from(self, logged: LoggedTrial) -> LoggedTrial:
+        """Learn from a trial that has a score; return its record with what is believed after it."""
+        if logged.score is None:
+            return logged
         tell_trial(self._optimizer, logged)
-        self._count(suggestion, speed_m_s)
+        self._count(logged.suggestion, logged.score)
         return replace(logged, recommendation=self._recommend(), fit=last_fit(self._optimizer))
 
     def skip(self, suggestion: Suggestion, number: int) -> LoggedTrial:

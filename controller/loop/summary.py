@@ -19,7 +19,8 @@ def summarise(trials: Sequence[LoggedTrial]) -> dict[str, Any]:
     """Return outcomes, best observed trial and recommended gait of a run."""
     valid = [logged for logged in trials if logged.score is not None]
     best = max(valid, key=lambda logged: logged.score or 0.0, default=None)
-    recommendation = valid[-1].recommendation if valid else None
+    # An interrupt may have kept the optimiser from learning from the last trial: then what it believed before counts.
+    recommendation = next((it.recommendation for it in reversed(valid) if it.recommendation is not None), None)
     loss = find_loss_in(trials)
     lost = {"lost_strength": {"since_trial": loss[1], "factor": loss[0].factor}} if loss else {}
     corrected = describe_correction(trials)

@@ -5,7 +5,7 @@ from scripted import ScriptedRobot, raising
 
 from vvvaltr.controller.core.errors import TrackingLost, UserError
 from vvvaltr.controller.core.gaits import Gait, GaitSpace
-from vvvaltr.controller.core.records import LoggedTrial
+from vvvaltr.controller.core.records import LoggedTrial, Told
 from vvvaltr.controller.core.values import Outcome, Suggestion
 from vvvaltr.controller.loop.learn import learn, make_source
 from vvvaltr.controller.loop.plan import Budget
@@ -160,3 +160,30 @@ def test_ask_and_tell_suffice_and_the_first_recommendation_comes_with_the_first_
     assert summarise(log[:1])["recommended"] is None
     assert log[2].recommendation is not None
     assert log[2].recommendation.estimate.mean == pytest.approx(log[0].score)
+
+
+class InterruptedBO(PlainBO):
+    """Is interrupted while it learns from its sixth trial."""
+
+    told = 0
+
+    def tell_trial(self, told: Told) -> None:
+        self.told += 1
+        if self.told == 6:
+            raise KeyboardInterrupt("SIGINT")
+        super().tell_trial(told)
+
+
+def test_an_interrupt_while_the_optimiser_learns_loses_no_trial_and_the_resumed_run_learns_from_it() -> None:
+    whole: list[LoggedTrial] = []
+    run(ScriptedRobot(), 12, whole)
+    log: list[LoggedTrial] = []
+
+    with pytest.raises(KeyboardInterrupt):
+        seen = [*learn(ScriptedRobot(), InterruptedBO(SPACE, seed=1), SETTINGS, Budget(12), log.append)]
+        pytest.fail(f"went on for {len(seen)} trials")
+
+    assert [logged.score for logged in log] == [logged.score for logged in whole[:6]]
+    assert summarise(log)["recommended"] == summarise(whole[:5])["recommended"]
+    run(ScriptedRobot(), 12, log)
+    assert [logged.suggestion for logged in log] == [logged.suggestion for logged in whole]
