@@ -72,6 +72,8 @@ def _execute(arguments: Namespace) -> Answer:
     with one_line_errors():
         pairs = find_pairs(arguments.robot, arguments.experiment)
     methods = arguments.methods or list_transfer_methods()
+    if "plain" in methods:
+        raise NotUnderstood("--methods: leave out plain: every experiment has it, to compare the others with")
     if strangers := set(methods) - set(list_transfer_methods()):
         raise NotUnderstood(f"--methods: {unknown('method', min(strangers), list_transfer_methods())}")
     out = arguments.out or Path("runs") / f"experiments-{arguments.robot}{'-signed' * arguments.signed}"

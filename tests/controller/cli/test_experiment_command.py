@@ -33,6 +33,7 @@ def test_an_experiment_ends_with_its_findings_and_can_be_reported(
     [
         ("experiment 7 --out {new}", 2, "'7'"),
         ("experiment 1 --methods gaurded --out {new}", 2, "unknown method 'gaurded' (did you mean guarded?)"),
+        ("experiment 1 --methods plain,efficient --out {new}", 2, "leave out plain: every experiment has it"),
         ("experiment 1 --duration 4000 --out {new}", 2, "--duration is 4000"),
         ("experiment 1 --scheduler nowhere --out {new}", 1, "Dask"),
         ("report {new}", 1, "is neither a run nor a campaign"),
