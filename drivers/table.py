@@ -13,6 +13,7 @@ from vvvaltr.drivers.links.curve import UNCORRECTED, Curve, Uncorrected
 # Beyond 1e6 is no length, time or frequency of a robot, and infinity times nothing is no number.
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
+Finite = Annotated[float, Meta(ge=-1e6, le=1e6)]
 AgeLimit = Annotated[float, Meta(gt=0, le=10)]
 """In s: an older pose is no longer the robot's, or a tracker that has died would never be missed."""
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Self
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
-from vvvaltr.drivers.table import AgeLimit, NotNegative, Positive, Table, TrackerTable
+from vvvaltr.drivers.table import AgeLimit, Finite, NotNegative, Positive, Table, TrackerTable
 from vvvaltr.drivers.trackers.camera.lens import Lens
 from vvvaltr.drivers.trackers.camera.sight import RobotTag
 from vvvaltr.drivers.trackers.camera.source import FRAMES, Wanted
 
 _LEAST_FLOOR_TAGS = 4
+_LEAST_BREADTH = 0.01  # of where the floor tags lie, as a share of its length
 TagNumber = Annotated[int, Meta(ge=0, le=586)]
 Side = Annotated[int, Meta(ge=64, le=8192)]
 
@@ -32,17 +35,17 @@ class TagTable(Table, frozen=True, kw_only=True):
     id: TagNumber = 0
     size_m: Positive
     height_m: NotNegative
-    x_m: float = 0.0
-    y_m: float = 0.0
-    yaw_rad: float = 0.0
+    x_m: Finite = 0.0
+    y_m: Finite = 0.0
+    yaw_rad: Finite = 0.0
 
 
 class FloorTagTable(Table, frozen=True, kw_only=True):
     """A tag on the ground, with the place of its centre."""
 
     id: TagNumber
-    x_m: float
-    y_m: float
+    x_m: Finite
+    y_m: Finite
 
 
 class LensTable(Table, frozen=True, kw_only=True):
@@ -51,8 +54,8 @@ class LensTable(Table, frozen=True, kw_only=True):
     width_px: Side
     height_px: Side
     focal_px: tuple[Positive, Positive]
-    centre_px: tuple[float, float]
-    distortion: tuple[float, ...] = ()
+    centre_px: tuple[Finite, Finite]
+    distortion: Annotated[tuple[Finite, ...], Meta(max_length=5)] = ()
     error_px: NotNegative = 0.0
 
     @property
@@ -102,6 +105,8 @@ class CameraTable(TrackerTable, frozen=True, kw_only=True, tag="camera"):
             raise ValueError("two tags have the same id: give each tag, the robot's and the floor's, an id of its own")
         if 0 < len(self.floor) < _LEAST_FLOOR_TAGS:
             raise ValueError(f"floor has {len(self.floor)} tags; allowed: none, or four and more")
+        if self.floor and _are_in_line(list(self.floor_m.values())):
+            raise ValueError("floor has its tags in one line; allowed: tags near the corners of the picture")
         if self.camera_height_m and self.camera_height_m <= self.tag.height_m:
             raise ValueError(f"camera_height_m is {self.camera_height_m:g}; allowed: above tag.height_m")
 
@@ -125,3 +130,10 @@ class CameraTable(TrackerTable, frozen=True, kw_only=True, tag="camera"):
     def floor_m(self) -> dict[int, tuple[float, float]]:
         """Where the floor tags are."""
         return {each.id: (each.x_m, each.y_m) for each in self.floor}
+
+
+def _are_in_line(places_m: Sequence[tuple[float, float]]) -> bool:
+    """Return whether places are so nearly in one line, or in one spot, that no view follows from them."""
+    away_m = np.array(places_m) - np.mean(places_m, axis=0)
+    length, breadth = np.linalg.svd(away_m, compute_uv=False).tolist()
+    return bool(breadth <= _LEAST_BREADTH * length)

@@ -46,6 +46,30 @@ def test_a_mistake_is_told_with_its_key(tracker: str, words: str, tmp_path: Path
     assert words in refusal(tracker, tmp_path)
 
 
+CAMERA = 'kind = "camera"\n[tracker.tag]\nsize_m = 0.04\nheight_m = 0.06\n'
+LENS = "[tracker.lens]\nwidth_px = 1280\nheight_px = 720\nfocal_px = [1000, 1000]\n"
+
+
+def floor(*places_m: tuple[float, float]) -> str:
+    return "".join(f"[[tracker.floor]]\nid = {n}\nx_m = {x}\ny_m = {y}\n" for n, (x, y) in enumerate(places_m, 1))
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        ("yaw_rad = nan", "tracker.tag.yaw_rad is nan"),
+        ("x_m = inf", "tracker.tag.x_m is inf"),
+        (floor((0, 0), (1, 0), (1, 1), (0, float("nan"))), "tracker.floor[4].y_m is nan"),
+        (floor((0, 0), (1, 1), (2, 2), (3, 3)), "floor has its tags in one line"),
+        (floor((1, 1), (1, 1), (1, 1), (1, 1)), "floor has its tags in one line"),
+        (f"{LENS}centre_px = [nan, 360]", "tracker.lens.centre_px[1] is nan"),
+        (f"{LENS}centre_px = [640, 360]\ndistortion = [0, 0, 0, 0, 0, 0, 0, 0]", "tracker.lens.distortion"),
+    ],
+)
+def test_a_camera_that_could_not_be_a_camera_is_told_with_its_key(tables: str, words: str, tmp_path: Path) -> None:
+    assert words in refusal(CAMERA + tables, tmp_path)
+
+
 @pytest.mark.parametrize("kind", ["qtm", "natnet"])
 def test_a_body_that_is_not_known_ends_learn_before_a_motor_turns(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
