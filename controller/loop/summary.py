@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from vvvaltr.controller.core.records import LoggedTrial
-from vvvaltr.controller.core.values import Recommendation
+from vvvaltr.controller.core.values import Phase, Recommendation
 from vvvaltr.controller.loop.causes import find_loss_in, find_standing_gaits
 from vvvaltr.transfer.causes.correction import CAUSES, FLOOR_PROBABILITY, FLOOR_SD, FLOOR_X, FLOOR_Y, STRENGTH
 
@@ -16,7 +16,10 @@ _LIKELY = 0.8  # probability of a drift from which on its direction is told
 
 
 def summarise(trials: Sequence[LoggedTrial]) -> dict[str, Any]:
-    """Return outcomes, best observed trial and recommended gait of a run."""
+    """Return outcomes, best observed trial and recommended gait of a run.
+
+    ``valid_trials`` are those that count towards a run's number of trials: neither failed, discarded nor a reference.
+    """
     valid = [logged for logged in trials if logged.score is not None]
     best = max(valid, key=lambda logged: logged.score or 0.0, default=None)
     # An interrupt may have kept the optimiser from learning from the last trial: then what it believed before counts.
@@ -39,6 +42,7 @@ def summarise(trials: Sequence[LoggedTrial]) -> dict[str, Any]:
         **({"corrected": corrected} if corrected else {}),
         **({"stood_still": standing} if standing else {}),
         "trials": len(trials),
+        "valid_trials": sum(logged.suggestion.phase is not Phase.REFERENCE for logged in valid),
         "outcomes": dict(Counter(logged.trial.outcome.value for logged in trials)),
         "best_observed": best
         and {

@@ -77,7 +77,9 @@ def describe_run(path: Path) -> Listed:
     try:
         config, summary = _read_toml(path / _CONFIG), _read_json(path / _SUMMARY)
         robot, best = _table(config, "robot"), _table(summary, "recommended")
-        valid = sum(_table(summary, "outcomes").get(name, 0) for name in ("completed", "cut_short"))
+        # A summary of an earlier version counts by outcome alone.
+        completed = sum(_table(summary, "outcomes").get(name, 0) for name in ("completed", "cut_short"))
+        valid = int(summary.get("valid_trials", completed))
         trials, wanted = _number(summary.get("trials", summary.get("primitives"))), _find_wanted(config)
         observed_m_s = _number(_table(summary, "best_observed").get("score_m_s"))
         return Listed(

@@ -73,6 +73,29 @@ def test_a_run_is_shown_however_narrow_the_terminal_says_that_it_is(
     assert "o measured" in capsys.readouterr().out
 
 
+def test_trials_of_a_reference_do_not_make_a_run_complete(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    asked = (
+        "--robot",
+        "planar",
+        "--method",
+        "random",
+        "--duration",
+        "0.5",
+        "--trials",
+        "3",
+        "--reference",
+        "12,-14,9:1",
+    )
+    assert main(["learn", *asked, "--out", str(run), "--no-recording", "--quiet"]) == 0
+    found = describe_run(run)
+    assert (found.trials, found.wanted, found.state) == (5, 3, State.COMPLETE)
+
+    config = run / "run.toml"  # as of a run that was stopped after these trials
+    config.write_text(config.read_text().replace("trials = 3", "trials = 4"))
+    assert describe_run(run).state is State.STOPPED
+
+
 def test_a_run_whose_log_is_open_is_running_and_one_that_ended_early_is_stopped(runs: Path) -> None:
     config = (runs / "flat" / "run.toml").read_text()
     (runs / "flat" / "run.toml").write_text(config.replace("trials = 3", "trials = 9"))
