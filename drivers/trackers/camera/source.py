@@ -26,6 +26,7 @@ _EXPOSURE_UNIT_S = 1e-4  # Video4Linux
 _LOOK_S = 0.002  # between two looks for a picture of another program
 _STALE = 1.2  # periods: a picture that has waited for longer is passed over
 _MOST_SKIPPED = 8  # pictures that a driver may have kept back
+_MOST_BROKEN = 30  # pictures in a row; a line that loses bytes breaks one now and then
 _GONE_S, _GONE_PERIODS = 5.0, 5.0  # without a picture, after which another program is taken to have ended
 
 
@@ -114,6 +115,16 @@ class DeviceSource:
 
     def newest(self) -> Frame:
         """Wait for the next picture and return the newest one. Raises NoMorePictures."""
+        for _ in range(_MOST_BROKEN):
+            taken_s = self._grab()
+            _, picture = self._capture.retrieve()
+            self._given_s = time.monotonic()
+            if picture is not None:
+                return Frame(taken_s, _grey(picture))
+        raise NoMorePictures(f"camera {self._path} gives nothing but broken pictures: try another cable or socket")
+
+    def _grab(self) -> float:
+        """Take hold of the newest picture; return when it was taken. Raises NoMorePictures."""
         period_s = 1.0 / self.applied.rate_hz
         for _ in range(_MOST_SKIPPED):
             began_s = time.monotonic()
@@ -122,9 +133,7 @@ class DeviceSource:
             taken_s = self._taken_s(began_s)
             if time.monotonic() - taken_s <= _STALE * period_s:
                 break
-        _, picture = self._capture.retrieve()
-        self._given_s = time.monotonic()
-        return Frame(taken_s, _grey(picture))
+        return taken_s
 
     def _taken_s(self, began_s: float) -> float:
         """Return when the picture just grabbed was taken: as the driver's stamp says, else by how long it took."""

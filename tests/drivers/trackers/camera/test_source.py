@@ -11,7 +11,7 @@ import pytest
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.drivers.trackers.camera import source as source_module
 from vvvaltr.drivers.trackers.camera.frames import FrameReader, FrameWriter
-from vvvaltr.drivers.trackers.camera.source import NoMorePictures, Wanted, device_problem, open_source
+from vvvaltr.drivers.trackers.camera.source import DeviceSource, NoMorePictures, Wanted, device_problem, open_source
 
 FAST = Wanted(rate_hz=100.0)
 NO_SLOTS = struct.pack("<8sIIIdq", b"vvvaltr1", 64, 48, 0, 30.0, 5)
@@ -162,6 +162,40 @@ def test_a_camera_that_one_may_not_use_is_answered_with_the_cure(tmp_path, monke
 def test_a_camera_that_does_not_open_is_named_with_what_may_have_it():
     with pytest.raises(UserError, match=r"camera /dev/null does not open: another program has it"):
         open_source("/dev/null", FAST)
+
+
+class BreakingCapture:
+    """Of a camera: each second picture cannot be decoded, or none can."""
+
+    def __init__(self, works: bool) -> None:
+        self.works, self.count = works, 0
+
+    def isOpened(self) -> bool:  # noqa: N802
+        return True
+
+    def set(self, key: int, value: float) -> bool:
+        return True
+
+    def get(self, key: int) -> float:
+        return 1e3 * time.monotonic() if key == cv2.CAP_PROP_POS_MSEC else 30.0
+
+    def grab(self) -> bool:
+        self.count += 1
+        return True
+
+    def retrieve(self) -> tuple[bool, np.ndarray | None]:
+        is_whole = self.works and self.count % 2 == 0
+        return is_whole, grey(self.count) if is_whole else None
+
+
+def test_a_broken_picture_of_a_camera_is_passed_over_and_nothing_but_broken_ones_ends_it(tmp_path, monkeypatch):
+    (tmp_path / "video0").touch()
+    monkeypatch.setattr(cv2, "VideoCapture", lambda *_: BreakingCapture(works=True))
+    source = DeviceSource(tmp_path / "video0", FAST)
+    assert [source.newest().grey[0, 0] for _ in range(2)] == [2, 4]
+    monkeypatch.setattr(cv2, "VideoCapture", lambda *_: BreakingCapture(works=False))
+    with pytest.raises(NoMorePictures, match="video0 gives nothing but broken pictures"):
+        DeviceSource(tmp_path / "video0", FAST).newest()
 
 
 def test_out_of_real_time_every_picture_is_shown(tmp_path):
