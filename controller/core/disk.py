@@ -77,9 +77,9 @@ def write_whole(path: Path, content: str | bytes) -> None:
 @contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
     """Yield a new file that takes the place of the one at ``path`` once the block is left. Raises OSError."""
+    _refuse_to_replace(path)  # first: of a folder such as "." no other name can be made
     fresh = path.with_name(f"{path.name}.new")
-    for each in (path, fresh):
-        _refuse_to_replace(each)
+    _refuse_to_replace(fresh)
     try:
         fresh.unlink(missing_ok=True)  # a left-over, or a link to somewhere
         with fresh.open("xb") as file:

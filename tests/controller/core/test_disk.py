@@ -174,3 +174,9 @@ def test_a_byte_order_mark_is_no_text(tmp_path: Path) -> None:
     (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbfa = 1")
 
     assert read_text(tmp_path / "bom.toml") == "a = 1"
+
+
+@pytest.mark.parametrize("name", [".", "/", ".."])
+def test_a_name_that_is_only_a_folders_is_refused_as_any_folder_is(name: str) -> None:
+    with pytest.raises(OSError, match="it is a directory, not a file"):
+        write_whole(Path(name), "")
