@@ -96,7 +96,10 @@ class Plan:
         """Return the next suggestion; None at the end of the run."""
         self.can_skip = False
         if (gait := asked_again(self._trials)) is not None:
-            return Suggestion(gait, "repeated for the operator")
+            # A repeat of the reference comes on top of the trials, as the reference does.
+            is_reference = self._trials[-1].suggestion.phase is Phase.REFERENCE
+            phase = Phase.REFERENCE if is_reference else Phase.SEARCH
+            return Suggestion(gait, "repeated for the operator", phase=phase)
         if self._finalists is None and not self._is_search_over():
             if (gait := to_repeat(self._trials)) is not None:
                 return Suggestion(gait, "repeats a suspect trial")

@@ -10,9 +10,9 @@ from scripted import ScriptedRobot, raising
 
 from vvvaltr.controller.core.attending import Stage, StartPlace, Wish
 from vvvaltr.controller.core.errors import TrackingLost, UserError
-from vvvaltr.controller.core.gaits import GaitSpace
+from vvvaltr.controller.core.gaits import Gait, GaitSpace
 from vvvaltr.controller.core.records import LoggedTrial, Verdict
-from vvvaltr.controller.core.values import MotorState, Outcome
+from vvvaltr.controller.core.values import MotorState, Outcome, Phase
 from vvvaltr.controller.loop.attendance import Attendance
 from vvvaltr.controller.loop.learn import learn
 from vvvaltr.controller.loop.plan import Budget
@@ -170,6 +170,15 @@ def test_a_repeated_trial_counts_and_its_gait_is_driven_again() -> None:
     assert log[2].trial.gait == log[1].trial.gait
     assert log[2].suggestion.origin == "repeated for the operator"
     assert log[3].trial.gait != log[2].trial.gait
+
+
+def test_a_repeat_of_the_reference_takes_no_trial_from_the_search() -> None:
+    attendance = attended(ScriptedRobot(), wish(Stage.REVIEW, "trial 3:", Wish.REPEAT))
+
+    log = run(attendance, trials=4, reference=Gait((9.0, 9.0, 9.0)), reference_every=2)
+
+    search, reference = Phase.SEARCH, Phase.REFERENCE
+    assert [each.suggestion.phase for each in log] == [search, search, reference, reference, search, search]
 
 
 def test_notes_and_a_new_battery_go_with_the_trial_that_they_are_about() -> None:
