@@ -108,7 +108,7 @@ def test_a_program_that_writes_no_more_pictures_is_asked_for_and_not_waited_for(
     assert source.newest().t_s == 2.0
 
 
-@pytest.mark.parametrize("t_s", [time.time(), math.inf])
+@pytest.mark.parametrize("t_s", [time.time(), math.inf], ids=["wall time", "infinite"])
 def test_a_picture_from_the_future_which_would_never_grow_old_is_refused(tmp_path, t_s):
     FrameWriter(tmp_path / "frames", 64, 48, 30.0).write(t_s, grey(1))
     source = open_source(f"frames:{tmp_path / 'frames'}", FAST)
