@@ -7,7 +7,8 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -40,8 +41,9 @@ def test_without_a_terminal_jog_says_so(tmp_path: Path, capsys: pytest.CaptureFi
     assert "terminal" in capsys.readouterr().err
 
 
-def test_a_person_at_a_terminal_drives_the_planar_twin(tmp_path: Path) -> None:
-    moves, out = tmp_path / "moves", tmp_path / "jog"
+@contextmanager
+def jogging(moves: Path, out: Path) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
+    """A program that has told its keys, and the other end of its terminal."""
     assert main(["repertoire", "--gaits", "8", "--duration", "2", "--out", str(moves)]) == 0
     master, terminal = pty.openpty()
     command = [*VVVALTR, "jog", "--repertoire", str(moves), "--out", str(out)]
@@ -49,12 +51,18 @@ def test_a_person_at_a_terminal_drives_the_planar_twin(tmp_path: Path) -> None:
         os.close(terminal)
         assert program.stderr is not None
         assert b"arrow keys" in program.stderr.readline()
+        yield program, master
+    os.close(master)
+
+
+def test_a_person_at_a_terminal_drives_the_planar_twin(tmp_path: Path) -> None:
+    out = tmp_path / "jog"
+    with jogging(tmp_path / "moves", out) as (program, master):
         os.write(master, b"\x1b[A")
         time.sleep(1.5)
         with suppress(OSError):
             os.write(master, b"q")
         assert program.wait(20) == 0
-    os.close(master)
 
     (logged,) = read_run(out).trials
     assert logged.suggestion.origin == "jog: forward"
@@ -62,18 +70,12 @@ def test_a_person_at_a_terminal_drives_the_planar_twin(tmp_path: Path) -> None:
 
 
 def test_an_interrupt_says_where_what_was_driven_is_and_leaves_a_summary(tmp_path: Path) -> None:
-    moves, out = tmp_path / "moves", tmp_path / "jog"
-    assert main(["repertoire", "--gaits", "8", "--duration", "2", "--out", str(moves)]) == 0
-    master, terminal = pty.openpty()
-    command = [*VVVALTR, "jog", "--repertoire", str(moves), "--out", str(out)]
-    with subprocess.Popen(command, stdin=terminal, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as program:
-        os.close(terminal)
+    out = tmp_path / "jog"
+    with jogging(tmp_path / "moves", out) as (program, _):
         assert program.stderr is not None
-        assert b"arrow keys" in program.stderr.readline()
         program.send_signal(signal.SIGINT)
         told = program.stderr.read().decode()
         assert program.wait(20) == 130
-    os.close(master)
 
     assert told.splitlines()[-1] == f"vvvaltr: interrupted (SIGINT; what was driven is saved in {out})"
     assert json.loads((out / "summary.json").read_text())["trials"] == 0
