@@ -1,6 +1,7 @@
 """docs/first-day.md, command by command: each is understood, and for each device all of them are run on its mock.
 
-What takes long is asked for in short by further options: fewer points, shorter trials. Nothing else is changed.
+What takes long is asked for in short by further options: fewer points, shorter trials. The tracker's poses may be
+older, as on a busy computer. Nothing else is changed.
 """
 
 import re
@@ -27,7 +28,7 @@ DEVICES = ("qik", "odrive", "node", "struts")
 SHORTER = {
     "calibrate": ("--points", "2", "--seconds", "0.5"),
     "track": ("--duration", "0.5"),
-    "learn": ("--duration", "0.5", "--no-recording"),
+    "learn": ("--duration", "0.5", "--trials", "300", "--no-recording"),  # too many for a stop to come too late
 }
 
 
@@ -72,14 +73,14 @@ class Day:
         (line,) = mocked["line"]
         at = line.get("channel") or line.get("adapter") or line["port"]
         assert "no answer" not in self.type([*words[:port], at, *words[port + 1 :]])
-        self.change(tracker=mocked["tracker"], hand=mocked["hand"])
+        self.change(tracker={**mocked["tracker"], "age_limit_s": 2.0}, hand=mocked["hand"])
 
     def learn_until_evening(self, words: Sequence[str]) -> None:
-        """Learn, and stop it from another terminal after a trial or two, as the page says."""
-        command = [sys.executable, "-m", "vvvaltr", *words, *SHORTER["learn"], "--trials", "3", "--confirm", "1x1"]
-        events = self.folder / "events"
+        """Learn, and stop it from another terminal when a trial has measured, as the page says."""
+        command = [sys.executable, "-m", "vvvaltr", *words, *SHORTER["learn"]]
+        events = self.folder / f"events{len(words)}"
         with subprocess.Popen([*command, "--events", str(events)], cwd=self.folder, stdin=subprocess.DEVNULL) as run:
-            while run.poll() is None and not (events.exists() and '"trial"' in events.read_text()):
+            while run.poll() is None and not (events.exists() and '"completed"' in events.read_text()):
                 time.sleep(0.02)
             self.type(["stop", words[-1]])
         assert run.returncode == 130
@@ -104,19 +105,20 @@ def walk(folder: Path, device: str) -> None:
                     pass  # motors with a sensor skip this step, says the page
                 case "report" if device != "qik":
                     pass  # a page of figures knows no devices
-                case "learn" if "--resume" not in words:
+                case "learn":
                     day.learn_until_evening(words)
                 case _:
                     day.type(words, *SHORTER.get(words[0], ()))
     trials = read_run(folder / "runs/first").trials
-    assert sum(logged.trial.outcome.is_valid for logged in trials) == 3
-    assert trials[-1].recommendation is not None
+    valid = [logged for logged in trials if logged.trial.outcome.is_valid]
+    assert len(valid) >= 2  # one a day
+    assert valid[-1].recommendation is not None
     assert (folder / "runs/first/report.html").exists() == (device == "qik")
 
 
 @pytest.mark.flaky(reruns=2)  # in real time
 def test_the_page_is_walked_with_each_device(tmp_path: Path) -> None:
-    with ThreadPoolExecutor(3) as at_a_time:
+    with ThreadPoolExecutor(2) as at_a_time:
         for _ in at_a_time.map(lambda device: walk(tmp_path / device, device), DEVICES):
             pass
 
