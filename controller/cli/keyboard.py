@@ -7,6 +7,7 @@ import re
 import select
 import sys
 import termios
+import time
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -29,12 +30,12 @@ class Keyboard:
 
     def __init__(self, terminal: int) -> None:
         self._terminal = terminal
-        self._rest = b""
+        self._rest, self._came_s = b"", 0.0  # the beginning of a key, and when it came
 
     def read(self, wait_s: float) -> list[str]:
         """Return the keys that have come, after waiting for one for at most ``wait_s``."""
         if not select.select([self._terminal], [], [], wait_s)[0]:
-            if wait_s <= _ESCAPE_S:
+            if time.monotonic() <= self._came_s + _ESCAPE_S:
                 return []
             rest, self._rest = self._rest, b""  # nothing has followed: the next key, which may be a stop, is its own
             return ["\x1b"] if rest == b"\x1b" else []
@@ -45,6 +46,7 @@ class Keyboard:
         if not came:
             return [GONE]
         keys, self._rest = decode_keys(self._rest + came)
+        self._came_s = time.monotonic()
         return keys
 
 
