@@ -148,15 +148,17 @@ def _board_views(arguments: Namespace, source: Source) -> Any:
 
 
 def _show(arguments: Namespace, robot: RobotFile, table: CameraTable) -> Answer:
+    import cv2
+
     from vvvaltr.drivers.trackers.camera.source import open_source
 
+    path = _named(arguments, "camera", ".png")
     with closing(open_source(table.source, table.wanted, in_real_time=False)) as source:
         looks = _Looks(robot, table, source)
         if arguments.live:
             _show_live(arguments, looks)
         look = looks.first()
-        path = _named(arguments, "camera", ".png")
-        _write_png(path, look.picture)
+        write_file(path, cv2.imencode(".png", look.picture)[1].tobytes())
     if not look.data["pose"]:
         raise UserError(f"{look.data['problem']}; {path} shows what the camera sees")
     return Answer("\n".join([*look.lines, f"wrote {path}"]), {"picture": str(path), **look.data})
@@ -271,12 +273,6 @@ def _show_live(arguments: Namespace, looks: _Looks) -> None:
                 recording.log("camera", rr.EncodedImage(contents=jpeg, media_type="image/jpeg"))
         except KeyboardInterrupt:
             return
-
-
-def _write_png(path: Path, picture: MatLike) -> None:
-    import cv2
-
-    path.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
 
 
 COMMAND = Subcommand(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.keyboard import is_at_keyboard
 from vvvaltr.controller.cli.options import whole, write_file
-from vvvaltr.controller.cli.telling import ask, say
+from vvvaltr.controller.cli.telling import ask, counted, say
 from vvvaltr.controller.core.errors import DeviceError, UserError, one_line_errors
 
 if TYPE_CHECKING:
@@ -38,7 +38,8 @@ def _execute(arguments: Namespace) -> Answer:
         text = write_robot_file(driver, port, arguments.motors, arguments.tracker, struts)
     problem = "" if arguments.no_probe else _probe(text, path, arguments)
     write_file(path, text)
-    lines = [f"wrote      {path}: {arguments.motors} motors on {driver} {port}, tracker {arguments.tracker}".rstrip()]
+    motors = counted(arguments.motors, "motor")
+    lines = [f"wrote      {path}: {motors} on {driver} {port}, tracker {arguments.tracker}".rstrip()]
     lines += [f"no answer  {problem}"] if problem else []
     lines.append(f"next       look through {path}, then: vvvaltr check {path}")
     answers = None if arguments.no_probe else not problem

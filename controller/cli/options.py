@@ -87,10 +87,13 @@ def write_file(path: Path, content: str | bytes) -> None:
 
 
 def refuse_to_replace(path: Path, *endings: str) -> None:
-    """Raise UserError where a file of another kind is there, as the log or robot's file that was meant to be read."""
+    """Raise UserError where a file of another kind is there, as the log or robot's file that was meant to be read.
+
+    A file without an ending may be of this kind, too.
+    """
     if not path.parent.is_dir():
         raise UserError(f"{path} cannot be written: {path.parent} is no directory; make it, or name another file")
-    if path.is_file() and path.suffix.lower() not in endings:
+    if path.is_file() and path.suffix.lower() not in ("", *endings):
         raise UserError(f"{path} exists and is no {endings[0]} file: name another file, or move it away")
 
 

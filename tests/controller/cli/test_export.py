@@ -70,3 +70,12 @@ def test_a_file_of_another_kind_is_never_replaced(run: Path, command: str, capsy
 
     assert "exists and is no ." in capsys.readouterr().err
     assert log.read_bytes() == content
+
+
+@pytest.mark.parametrize("name", ["table", "table.CSV"])
+def test_a_table_is_replaced_by_a_newer_one(run: Path, name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text("old")
+
+    assert main(["export", str(run), "--csv", str(tmp_path / name)]) == 0
+
+    assert (tmp_path / name).read_text() != "old"

@@ -58,11 +58,13 @@ def test_the_device_is_asked_whether_it_is_there(tmp_path: Path, capsys: pytest.
 
 
 def test_of_a_device_that_was_not_asked_no_answer_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = ["--driver", "qik", "--port", str(tmp_path / "nothing"), "--no-probe", "--json"]
+    asked = ["--driver", "qik", "--port", str(tmp_path / "nothing"), "--motors", "1", "--no-probe"]
 
-    assert main(["init", str(tmp_path / "robot.toml"), *asked]) == 0
-
+    assert main(["init", str(tmp_path / "robot.toml"), *asked, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["answers"] is None
+
+    assert main(["init", str(tmp_path / "other.toml"), *asked]) == 0
+    assert "other.toml: 1 motor on qik" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
