@@ -18,7 +18,8 @@ from vvvaltr.controller.core.errors import NotUnderstood
 
 if TYPE_CHECKING:
     from vvvaltr.controller.core.protocols import Observer
-    from vvvaltr.controller.studies.going import Errand, GoRun
+    from vvvaltr.controller.runs.errand import Errand
+    from vvvaltr.controller.studies.going import GoRun
 
 
 _PROGRESS = "{desc}: primitive {n_fmt} done, {elapsed}{postfix}"
@@ -86,7 +87,8 @@ def _open(arguments: Namespace) -> GoRun:
 
 
 def _errand(arguments: Namespace) -> Errand:
-    from vvvaltr.controller.studies.going import Errand, read_goals
+    from vvvaltr.controller.runs.errand import Errand
+    from vvvaltr.controller.studies.going import read_goals
 
     if (arguments.path is None) == (arguments.x_m is None):
         raise NotUnderstood("say where to go: either X Y, or way points by --path FILE.csv")

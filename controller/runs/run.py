@@ -84,7 +84,9 @@ class RunDirectory:
         """
         stored = load_config(path)
         if stored.method in STEERING:
-            raise UserError(f"{path} is a run of {stored.method!r}, not of a search: go on by vvvaltr {stored.method}")
+            onward = f"go on by vvvaltr {stored.method} --resume {path}"
+            cure = "drive again by vvvaltr jog" if stored.method == "jog" else onward
+            raise UserError(f"{path} is a run of {stored.method!r}, not of a search: {cure}")
         named = asked.get("robot", {}).get("name")
         if not stored.robot.is_twin:  # whose file may have another name now
             asked = {**asked, "robot": {key: it for key, it in asked.get("robot", {}).items() if key != "name"}}

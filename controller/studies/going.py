@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from vvvaltr.controller.core.disk import read_bytes, read_text
+from vvvaltr.controller.core.disk import read_text
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.protocols import Observer, Robot
 from vvvaltr.controller.core.records import EventKind, LoggedTrial, Run
@@ -24,34 +24,14 @@ from vvvaltr.controller.loop.steersman import Onward, Steersman
 from vvvaltr.controller.loop.thinking import Aside, AtOnce, Thinking
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
+from vvvaltr.controller.runs.errand import Errand, load_errand
 from vvvaltr.controller.studies.steering_run import SteeringRun, load_repertoire, open_again, steering_config
-from vvvaltr.transfer.steering.planner import Border, Goal
+from vvvaltr.transfer.steering.planner import Border
 from vvvaltr.transfer.steering.repertoire import Repertoire
 
 METHOD = "go"
 _FARTHEST_M = 1000.0  # no floor of a laboratory is larger
 _LEAST_TURN_RAD_S = 0.02
-
-
-class Errand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a run of going somewhere is to do.
-
-    Args:
-        goals: x, y and heading of each; the heading is None where any will do.
-        within_m: how near is near enough.
-        within_rad: how near to the heading is near enough.
-        budget_s: driving time for each goal.
-    """
-
-    goals: Annotated[tuple[tuple[float, float, float | None], ...], msgspec.Meta(min_length=1)]
-    within_m: Annotated[float, msgspec.Meta(gt=0.0)] = 0.02
-    within_rad: Annotated[float, msgspec.Meta(gt=0.0)] = 0.2
-    budget_s: Annotated[float, msgspec.Meta(gt=0.0)] = 200.0
-
-    @property
-    def targets(self) -> tuple[Goal, ...]:
-        """The goals as the planner takes them."""
-        return tuple(Goal(x_m, y_m, self.within_m, yaw_rad, self.within_rad) for x_m, y_m, yaw_rad in self.goals)
 
 
 class GoRun:
@@ -104,7 +84,7 @@ class GoRun:
         """Go on with an errand that was interrupted; ``robot_file`` holds new addresses. Raises as ``create`` does."""
         run = SteeringRun.resume(path, METHOD, robot_file)
         try:
-            errand = _load_errand(path / "errand.json")
+            errand = load_errand(path)
             rig = open_again(run.config, run.trials)
             return cls(run, rig, errand, run.source)
         except BaseException:
@@ -261,10 +241,3 @@ def _along_a_line(repertoire: Repertoire) -> Repertoire:
 
 def _border(arena: Arena | None) -> Border | None:
     return None if arena is None else Border(arena.x_m, arena.y_m)
-
-
-def _load_errand(path: Path) -> Errand:
-    try:
-        return msgspec.json.decode(read_bytes(path), type=Errand)
-    except (msgspec.DecodeError, msgspec.ValidationError, OSError, RecursionError) as error:
-        raise UserError(f"{path}: {error}; restore the file as the run wrote it") from None

@@ -12,6 +12,7 @@ import msgspec
 from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.robot.choice import option
 from vvvaltr.controller.runs.config import RunConfig
+from vvvaltr.controller.runs.errand import Errand
 
 _USUAL = {
     "body": ("prism3", "icosahedron6"),
@@ -51,19 +52,7 @@ def write_learn_command(config: RunConfig) -> str:
     return " ".join(words)
 
 
-class Errand(msgspec.Struct, frozen=True):
-    """What a run of ``go`` was to do: x, y and heading of each goal, how near is near enough, and the time for each."""
-
-    goals: tuple[tuple[float, float, float | None], ...] = ()
-    within_m: float = 0.02
-    within_rad: float = 0.2
-    budget_s: float = 200.0
-
-
-_NO_ERRAND = Errand()
-
-
-def write_making_command(config: RunConfig, errand: Errand = _NO_ERRAND) -> str:
+def write_making_command(config: RunConfig, errand: Errand | None = None) -> str:
     """Return the command that makes a run again, whichever made it; ``errand`` is that of a run of ``go``."""
     robot = [*_write_robot(config), *_write_options({"seed": config.seed})]
     moves = [f"--repertoire {shlex.quote(source)}" for source in config.sources]
@@ -74,19 +63,23 @@ def write_making_command(config: RunConfig, errand: Errand = _NO_ERRAND) -> str:
             asked = {"gaits": config.trials, "duration_s": config.duration_s, "range_hz": config.range_hz}
             return " ".join(["vvvaltr repertoire", *robot, *_write_options(asked)])
         case "go":
-            return " ".join(["vvvaltr go", *_write_errand(errand), *moves, *robot])
+            return " ".join(["vvvaltr go", *_write_errand(errand, config.robot.name), *moves, *robot])
         case "jog":
             return " ".join(["vvvaltr jog", *moves, *robot])
     return write_learn_command(config)
 
 
-def _write_errand(errand: Errand) -> list[str]:
+def _write_errand(errand: Errand | None, robot: str) -> list[str]:
     words = ["--path FILE.csv"]
+    if errand is None:
+        return words
     if len(errand.goals) == 1:
         x_m, y_m, yaw_rad = errand.goals[0]
-        words = [_write_float(x_m), _write_float(y_m), *([] if yaw_rad is None else [f"--yaw {_write_float(yaw_rad)}"])]
+        words = [_write_float(x_m), *([] if robot == "planar" else [_write_float(y_m)])]  # which moves along x only
+        words += [] if yaw_rad is None else [f"--yaw {_write_float(yaw_rad)}"]
     asked, usual = (
-        {"--within": it.within_m, "--within-yaw": it.within_rad, "--time": it.budget_s} for it in (errand, _NO_ERRAND)
+        {"--within": it.within_m, "--within-yaw": it.within_rad, "--time": it.budget_s}
+        for it in (errand, Errand(errand.goals))
     )
     return words + [f"{name} {_write_float(value)}" for name, value in asked.items() if value != usual[name]]
 

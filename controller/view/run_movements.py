@@ -7,18 +7,15 @@ from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
 
-import msgspec
-
-from vvvaltr.controller.core.disk import read_bytes
+from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial
+from vvvaltr.controller.runs.config import STEERING
+from vvvaltr.controller.runs.errand import Errand, load_errand
 from vvvaltr.controller.runs.repertoire_file import known_in_run
-from vvvaltr.controller.view.commands import Errand
 from vvvaltr.controller.view.page import to_svg, write_figure, write_table
 from vvvaltr.controller.view.repertoire_picture import CAPTION, picture_repertoire
 from vvvaltr.controller.view.run_findings import RunFindings
 from vvvaltr.transfer.steering.repertoire import LearnedMovement
-
-METHODS = ("repertoire", "go", "jog")
 
 
 def write_movements(found: RunFindings, path: Path) -> Iterator[str]:
@@ -28,7 +25,7 @@ def write_movements(found: RunFindings, path: Path) -> Iterator[str]:
         found: what the run's trials say.
         path: the run's directory or log.
     """
-    if found.config is None or found.config.method not in METHODS:
+    if found.config is None or found.config.method not in STEERING:
         return
     known = known_in_run(path if path.is_dir() else path.parent, [logged.trial for logged in found.run.trials])
     if not known.movements:
@@ -41,13 +38,12 @@ def write_movements(found: RunFindings, path: Path) -> Iterator[str]:
     yield from _write_goals(found.run.trials)
 
 
-def read_errand(path: Path) -> Errand:
-    """Return what a run, a directory or a log, was to do; nothing where no file tells it."""
-    folder = path if path.is_dir() else path.parent
+def read_errand(path: Path) -> Errand | None:
+    """Return what a run, a directory or a log, was to do; None where no file tells it."""
     try:
-        return msgspec.json.decode(read_bytes(folder / "errand.json"), type=Errand)
-    except (OSError, msgspec.DecodeError, msgspec.ValidationError, RecursionError):
-        return Errand()
+        return load_errand(path if path.is_dir() else path.parent)
+    except UserError:
+        return None
 
 
 def _row(movement: LearnedMovement) -> tuple[str, ...]:

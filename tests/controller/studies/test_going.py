@@ -17,12 +17,11 @@ from vvvaltr.controller.core.values import Estimate, Recommendation, Suggestion
 from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
+from vvvaltr.controller.runs.errand import Errand, load_errand
 from vvvaltr.controller.runs.log import read_run
 from vvvaltr.controller.runs.run import RunDirectory
 from vvvaltr.controller.studies.going import (
-    Errand,
     GoRun,
-    _load_errand,
     check_errand,
     read_goals,
     usable_repertoire,
@@ -56,8 +55,15 @@ def test_a_robot_that_was_never_seen_is_nowhere(tmp_path: Path) -> None:
 def test_a_run_of_steering_is_not_resumed_as_a_search(tmp_path: Path) -> None:
     moves = run_of(tmp_path / "moves", {gait: (0.01 * number, 0.0, 0.0) for number, gait in enumerate(GAITS, start=1)})
 
-    with pytest.raises(UserError, match=r"is a run of 'repertoire', not of a search: go on by vvvaltr repertoire"):
-        RunDirectory.resume(moves, {})
+    went, jogged = (steered_from(tmp_path / method, moves, method) for method in ("go", "jog"))
+
+    for run, cure in (
+        (moves, f"go on by vvvaltr repertoire --resume {moves}"),
+        (went, f"go on by vvvaltr go --resume {went}"),
+        (jogged, "drive again by vvvaltr jog"),
+    ):
+        with pytest.raises(UserError, match=f"not of a search: {cure}$"):
+            RunDirectory.resume(run, {})
 
 
 def test_a_goal_outside_the_arena_is_refused() -> None:
@@ -93,11 +99,10 @@ def test_way_points_stand_under_a_header_or_none(tmp_path: Path, header: str) ->
 
 @pytest.mark.parametrize("change", [{"goals": []}, {"within_m": -1.0}, {"within_rad": 0.0}, {"budget_s": 0.0}])
 def test_an_errand_that_no_run_wrote_is_refused(tmp_path: Path, change: dict[str, object]) -> None:
-    path = tmp_path / "errand.json"
-    path.write_text(json.dumps({"goals": [[0.1, 0.0, None]], **change}))
+    (tmp_path / "errand.json").write_text(json.dumps({"goals": [[0.1, 0.0, None]], **change}))
 
     with pytest.raises(UserError, match=f"{next(iter(change))}`; restore the file as the run wrote it"):
-        _load_errand(path)
+        load_errand(tmp_path)
 
 
 def test_movements_that_do_not_turn_are_refused(tmp_path: Path) -> None:
@@ -133,10 +138,10 @@ def test_runs_put_together_recommend_nothing(tmp_path: Path) -> None:
     assert all(logged.recommendation is None for logged in trials)
 
 
-def went_from(path: Path, source: Path) -> Path:
-    """Write a run of `go` that began with ``source`` and drove nothing."""
+def steered_from(path: Path, source: Path, method: str = "go") -> Path:
+    """Write a run that began with ``source`` and drove nothing."""
     choice = choose_robot({"name": "planar"})
-    config = steering_config(choice, open_rig(choice, 0), "go", 0, 1, 5.0)
+    config = steering_config(choice, open_rig(choice, 0), method, 0, 1, 5.0)
     config = msgspec.structs.replace(config, sources=(str(source),))
     SteeringRun.create(path, config, Run(), load_repertoire([source])).close()
     return path
@@ -144,15 +149,15 @@ def went_from(path: Path, source: Path) -> Path:
 
 def test_a_run_that_another_one_began_with_counts_once(tmp_path: Path) -> None:
     moves = run_of(tmp_path / "moves", {GAITS[0]: (0.02, 0.0, 0.2)})
-    went = went_from(tmp_path / "went", moves)
+    went = steered_from(tmp_path / "went", moves)
     together, again = tmp_path / "together", tmp_path / "again"
     put_together([moves], together)
 
     for paths in (
         [moves, went],
-        [moves, went_from(again, went)],  # at second hand
+        [moves, steered_from(again, went)],  # at second hand
         [moves, together],
-        [went_from(tmp_path / "later", together), moves],
+        [steered_from(tmp_path / "later", together), moves],
         [moves, tmp_path / "moves" / ".." / "moves"],
     ):
         assert load_repertoire(paths).movements[0].trials == 2, paths
@@ -160,7 +165,7 @@ def test_a_run_that_another_one_began_with_counts_once(tmp_path: Path) -> None:
 
 def test_of_two_runs_that_name_each_other_one_counts(tmp_path: Path) -> None:
     moves = run_of(tmp_path / "moves", {GAITS[0]: (0.02, 0.0, 0.2)})
-    went = went_from(tmp_path / "went", moves)
+    went = steered_from(tmp_path / "went", moves)
     rmtree(moves)
     put_together([went], moves)
 

@@ -19,7 +19,9 @@ from vvvaltr.controller.loop.scoring import score
 from vvvaltr.controller.loop.steersman import Steersman
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
+from vvvaltr.controller.runs.errand import Errand
 from vvvaltr.controller.studies.steering_run import SteeringRun, load_repertoire, steering_config
+from vvvaltr.controller.view.commands import write_making_command
 from vvvaltr.controller.view.run_report import write_run_report
 from vvvaltr.transfer.steering.planner import Goal
 from vvvaltr.transfer.steering.repertoire import Repertoire
@@ -100,3 +102,12 @@ def test_the_command_makes_the_same_run_again(moves: Path, way: Path, tmp_path: 
     assert (learned.robot, learned.trials, learned.duration_s, learned.seed) == ("spatial", 10, 5.0, 4)
     assert (went.x_m, went.y_m, went.seed) == (0.2, 0.1, 4)
     assert (went.within_m, went.within_rad, went.budget_s) == (0.03, 0.2, 60.5)
+
+
+def test_the_command_of_a_way_in_a_plane_has_no_y() -> None:
+    choice = choose_robot({"name": "planar"})
+    config = steering_config(choice, open_rig(choice, 0), "go", 0, 1, 5.0)
+
+    command = write_making_command(config, Errand(((-0.05, 0.0, None),)))
+
+    assert command.startswith("vvvaltr go -0.05 --robot planar")
