@@ -58,6 +58,10 @@ class NoMorePictures(Exception):
     """The source has ended, or is gone: says why."""
 
 
+class NoPictureNow(NoMorePictures):
+    """Another program shows no picture, or none that can be used: says why. It may go on."""
+
+
 class Source(Protocol):
     """Gives pictures in real time."""
 
@@ -276,18 +280,18 @@ class SharedSource:
         self._shown, self._given_s = -1, time.monotonic()
 
     def newest(self) -> Frame:
-        """Wait for the next picture and return the newest one. Raises NoMorePictures."""
+        """Wait for the next picture and return the newest one. Raises NoPictureNow."""
         patience_s = max(_GONE_S, _GONE_PERIODS / self.applied.rate_hz)
         while (found := self._reader.newest(self._shown)) is None:
             if time.monotonic() - self._given_s > patience_s:
-                raise NoMorePictures(
+                raise NoPictureNow(
                     f"no new picture in {self._path} for {patience_s:g} s; is the program that writes it running?"
                 )
             time.sleep(_LOOK_S)
         self._given_s = time.monotonic()
         self._shown, t_s, grey = found
         if not t_s <= self._given_s:  # such a picture would never grow old, however long ago it was taken
-            raise NoMorePictures(f"a picture in {self._path} is from the future; give it the time of time.monotonic()")
+            raise NoPictureNow(f"a picture in {self._path} is from the future; give it the time of time.monotonic()")
         return Frame(t_s, grey)
 
     def close(self) -> None:

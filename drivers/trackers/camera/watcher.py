@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from contextlib import closing
 from typing import IO
 
@@ -21,7 +22,7 @@ from vvvaltr.drivers.trackers.camera import messages
 from vvvaltr.drivers.trackers.camera.floor import FloorWatch
 from vvvaltr.drivers.trackers.camera.setup import find_view
 from vvvaltr.drivers.trackers.camera.sight import Sight, Sighting, Unseen
-from vvvaltr.drivers.trackers.camera.source import Frame, NoMorePictures, Source, open_source
+from vvvaltr.drivers.trackers.camera.source import Frame, NoMorePictures, NoPictureNow, Source, open_source
 from vvvaltr.drivers.trackers.camera.table import CameraTable, TagTable
 from vvvaltr.drivers.trackers.camera.tags import Picture
 
@@ -103,7 +104,12 @@ def _look_on(table: CameraTable, source: Source, sight: Sight, say: _Speech) -> 
     keep_s = check_s = -math.inf
     floor, problem = FloorWatch(sight.view, table.floor_m), None
     while True:
-        frame = source.newest()
+        try:
+            frame = source.newest()
+        except NoPictureNow as none:
+            say(messages.Unseen(time.monotonic(), str(none)))
+            time.sleep(_CHECK_S)
+            continue
         if frame.t_s >= check_s:
             check_s = frame.t_s + _CHECK_S
             problem = floor.check(frame.grey)

@@ -11,9 +11,12 @@ import pytest
 
 from vvvaltr.controller.core.errors import TrackingLost, UserError
 from vvvaltr.controller.core.values import Pose
-from vvvaltr.drivers.trackers.camera.feed import TAG, make_feed
+from vvvaltr.drivers.trackers.camera import messages, source, watcher
+from vvvaltr.drivers.trackers.camera.feed import LENS, TAG, make_feed, mock_view
+from vvvaltr.drivers.trackers.camera.frames import FrameWriter
+from vvvaltr.drivers.trackers.camera.pictures import Painter
 from vvvaltr.drivers.trackers.camera.sight import Sighting
-from vvvaltr.drivers.trackers.camera.table import CameraTable, FloorTagTable, TagTable
+from vvvaltr.drivers.trackers.camera.table import CameraTable, FloorTagTable, TagTable, lens_table
 from vvvaltr.drivers.trackers.camera.tracker import CameraTracker
 from vvvaltr.drivers.trackers.camera.watcher import robot_place
 from vvvaltr.drivers.trackers.registry import TRACKERS
@@ -139,6 +142,30 @@ def test_when_its_process_hangs_the_robot_is_lost(tracker):
         assert "s old" in until(tracker, is_lost)
     finally:
         os.kill(tracker._process.pid, signal.SIGCONT)
+
+
+def test_what_another_program_does_not_show_for_a_while_is_lost_and_found_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(source, "_GONE_S", 0.05)
+    monkeypatch.setattr(watcher, "_CHECK_S", 0.01)
+    picture = Painter(mock_view(), TAG, {}).picture(Pose(0.0, (0.1, -0.05, TAG.height_m), 0.5))
+    writer = FrameWriter(tmp_path / "frames", LENS.width_px, LENS.height_px, 1000.0)
+    tag = TagTable(size_m=TAG.size_m, height_m=TAG.height_m)
+    place = f"frames:{tmp_path / 'frames'}"
+    table = CameraTable(source=place, tag=tag, camera_height_m=1.0, pictures=False, lens=lens_table(LENS))
+    lateness_s, told = [0.0, -3600.0, 0.0], []
+
+    def say(news) -> None:
+        told.append(news)
+        if isinstance(news, messages.Ready | messages.Unseen):
+            writer.write(time.monotonic() - lateness_s.pop(0), picture)
+
+    with pytest.raises(IndexError):  # no picture is left to write
+        watcher.watch(table, say)
+
+    kinds = [messages.Ready, messages.Seen, messages.Unseen, messages.Unseen, messages.Seen, messages.Unseen]
+    assert [type(news) for news in told] == kinds
+    assert "is the program that writes it running?" in told[2].reason
+    assert "from the future" in told[3].reason
 
 
 def test_its_process_ends_with_it_and_it_can_be_closed_twice(tracker):
