@@ -125,8 +125,9 @@ def _prose(found: Sequence[PairFindings], out: Path) -> str:
         for name, method in it.methods.items():
             if name != "plain":
                 end = method.against_plain[-1]
-                interval = f"{end.interval_percent.low:+.0f} to {end.interval_percent.high:+.0f} %"
-                sure = f"({interval})  p {method.p_holm[-1]:.3f}" if it.repeats > 1 else "(one repeat has no interval)"
+                sure = "(one repeat has no interval)"
+                if (interval := end.interval_percent) is not None:
+                    sure = f"({interval.low:+.0f} to {interval.high:+.0f} %)  p {method.p_holm[-1]:.3f}"
                 lines.append(f"  {name:12} {end.gain_percent:+6.1f} % {sure}")
     return "\n".join([*lines, f"figures: vvvaltr report {out}"])
 

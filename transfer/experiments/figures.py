@@ -54,8 +54,8 @@ def draw_overview(found: Sequence[PairFindings]) -> Figure:
 
 def _draw_gain(axes: Axes, method: MethodFindings, at: int, y: float, alpha: float, shade: str) -> None:
     it = method.against_plain[at]
-    interval = it.interval_percent
-    axes.plot([interval.low, interval.high], [y, y], color=shade, alpha=alpha, linewidth=2.2, solid_capstyle="butt")
+    if (reach := it.interval_percent) is not None:
+        axes.plot([reach.low, reach.high], [y, y], color=shade, alpha=alpha, linewidth=2.2, solid_capstyle="butt")
     axes.plot([it.gain_percent], [y], "o", color=shade, alpha=alpha, markersize=4.0)
 
 

@@ -260,14 +260,14 @@ def _method_json(pair: PairFindings, found: MethodFindings) -> dict[str, Any]:
         "over_drive": {
             name: {
                 "gain_percent": it.gain_percent,
-                "interval_percent": [it.interval_percent.low, it.interval_percent.high],
+                "interval_percent": _bounds(it.interval_percent),
             }
             for name, it in zip(names, found.over_drive, strict=bool(found.over_drive))
         },
         "against_plain": {
             name: {
                 "gain_percent": it.gain_percent,
-                "interval_percent": [it.interval_percent.low, it.interval_percent.high],
+                "interval_percent": _bounds(it.interval_percent),
                 "p": p,
                 "effect": it.effect,
                 "chance_plain_shows_as_much": it.chance,
@@ -275,3 +275,7 @@ def _method_json(pair: PairFindings, found: MethodFindings) -> dict[str, Any]:
             for name, it, p in zip(names, found.against_plain, found.p_holm, strict=True)
         },
     }
+
+
+def _bounds(interval: Interval | None) -> list[float] | None:
+    return None if interval is None else [interval.low, interval.high]

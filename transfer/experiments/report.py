@@ -146,6 +146,7 @@ def _in_words(it: PairFindings) -> str:
     sentences = []
     for checkpoint, comparison in zip(it.checkpoints[-3:], it.methods[name].against_plain[-3:], strict=True):
         interval = comparison.interval_percent
+        assert interval is not None  # of so many repeats
         verdict = "faster" if interval.low > 0.0 else "slower" if interval.high < 0.0 else "no difference shown"
         sentences.append(f"after {checkpoint} trials {tables.gain_text(comparison)} ({verdict})")
     return f"True speed of {name} against Plain-BO: {'; '.join(sentences)}."

@@ -23,10 +23,10 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """Excess of a method's mean over a baseline's in percent, with its 95 % interval by bootstrap over repeats."""
+    """Excess of a method's mean over a baseline's in percent, with its 95 % interval as in ``Comparison``."""
 
     gain_percent: float
-    interval_percent: Interval
+    interval_percent: Interval | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,14 +35,14 @@ class Comparison:
 
     Args:
         gain_percent: excess of the method's mean over Plain-BO's.
-        interval_percent: 95 % interval of the gain, by bootstrap over repeats.
+        interval_percent: 95 % interval of the gain, by bootstrap over repeats; None for a single repeat.
         p: two-sided p, see ``signed_rank_p``; not corrected for the number of methods.
         effect: matched-pairs rank-biserial correlation, averaged over Plain-BO's replicates, see ``rank_biserial``.
         chance: probability that Plain-BO against itself gains as much, see ``chance_of_as_much``; 1 for a gain of 0.
     """
 
     gain_percent: float
-    interval_percent: Interval
+    interval_percent: Interval | None
     p: float
     effect: float
     chance: float
@@ -77,8 +77,10 @@ def gain_percent(method: Array, baseline: Array) -> float:
     return 100.0 * float(method.mean() / baseline.mean() - 1.0)
 
 
-def gain_interval(method: Array, baseline: Array, random: np.random.Generator) -> Interval:
+def gain_interval(method: Array, baseline: Array, random: np.random.Generator) -> Interval | None:
     """Return the 95 % interval of the gain: percentiles over resampled repeats, with pairs kept together."""
+    if len(method) < 2:
+        return None
     picks = random.integers(len(method), size=(RESAMPLES, len(method)))
     gains = 100.0 * (method[picks].mean(axis=1) / baseline[picks].mean(axis=1) - 1.0)
     low, high = np.percentile(gains, [2.5, 97.5])

@@ -109,10 +109,10 @@ def to_markdown(table: Table) -> str:
 
 
 def gain_text(it: Comparison | Gain) -> str:
-    """Return a gain with its interval: ``+12 % [-3, +27]``; resampling a single repeat gives none."""
-    if it.interval_percent.low == it.interval_percent.high:
-        return f"{it.gain_percent:+.0f} % [one repeat has no interval]"
-    return f"{it.gain_percent:+.0f} % [{it.interval_percent.low:+.0f}, {it.interval_percent.high:+.0f}]"
+    """Return a gain with its interval: ``+12 % [-3, +27]``."""
+    interval = it.interval_percent
+    bounds = f"{interval.low:+.0f}, {interval.high:+.0f}" if interval else "one repeat has no interval"
+    return f"{it.gain_percent:+.0f} % [{bounds}]"
 
 
 def p_text(p: float) -> str:

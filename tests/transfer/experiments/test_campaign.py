@@ -314,6 +314,8 @@ def test_the_gain_of_a_single_repeat_has_no_interval() -> None:
 
     assert gain_text(measure_gain(np.array([1.1]), np.array([1.0]), draws)) == "+10 % [one repeat has no interval]"
     assert "[+" in gain_text(measure_gain(np.array([1.1, 2.4]), np.array([1.0, 2.0]), draws))
+    alike = np.array([1.0, 2.0])
+    assert gain_text(measure_gain(alike, alike, draws)) == "+0 % [+0, +0]"
 
 
 def test_every_registered_method_is_compared() -> None:
