@@ -55,11 +55,11 @@ def _execute(arguments: Namespace) -> Answer:
     from vvvaltr.controller.core.gaits import Gait
     from vvvaltr.controller.robot.opening import choose_robot, open_rig
 
+    for option in ("phase", "amplitude"):
+        _check_count(option, getattr(arguments, option), len(arguments.frequency_hz))
     choice = choose_robot(asked_robot(arguments))
     rig = open_rig(choice, arguments.seed or 0)
     with closing(rig.robot):
-        for option in ("phase", "amplitude"):
-            _check_count(option, getattr(arguments, option), len(arguments.frequency_hz))
         with one_line_errors():
             gait = Gait(tuple(arguments.frequency_hz), tuple(arguments.phase), tuple(arguments.amplitude))
             rig.robot.limits.check(gait)

@@ -10,15 +10,7 @@ from typing import Protocol, runtime_checkable
 
 from vvvaltr.controller.core.gaits import Gait, Quantity
 from vvvaltr.controller.core.records import Event, Fit, LoggedTrial, Told
-from vvvaltr.controller.core.values import (
-    Estimate,
-    MotorState,
-    Photo,
-    Pose,
-    Recommendation,
-    Structure,
-    Suggestion,
-)
+from vvvaltr.controller.core.values import Estimate, MotorState, Photo, Pose, Recommendation, Structure, Suggestion
 
 
 class MotorDriver(Protocol):

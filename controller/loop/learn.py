@@ -13,11 +13,7 @@ from vvvaltr.controller.core.protocols import AskTell, Observer, Robot
 from vvvaltr.controller.core.records import EventKind, LoggedTrial, Verdict
 from vvvaltr.controller.core.values import Outcome, Source, Suggestion
 from vvvaltr.controller.loop.attendance import Attendance
-from vvvaltr.controller.loop.causes import (
-    ShortfallWatch,
-    StrengthWatch,
-    fault_standing_motor,
-)
+from vvvaltr.controller.loop.causes import ShortfallWatch, StrengthWatch, fault_standing_motor
 from vvvaltr.controller.loop.memory import Memory
 from vvvaltr.controller.loop.movement import complete_record
 from vvvaltr.controller.loop.observing import Followers, describe_end

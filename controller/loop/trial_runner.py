@@ -15,14 +15,7 @@ from vvvaltr.controller.core.errors import DeviceError, DeviceTimeout, LinkLost,
 from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.protocols import Photographer, Robot, Tracker
 from vvvaltr.controller.core.resting import RestingPose
-from vvvaltr.controller.core.values import (
-    Command,
-    MotorState,
-    Outcome,
-    Photo,
-    Pose,
-    Trial,
-)
+from vvvaltr.controller.core.values import Command, MotorState, Outcome, Photo, Pose, Trial
 from vvvaltr.controller.loop.at_rest import average_at_rest
 from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter
 from vvvaltr.controller.loop.safety import Arena, Guard, HeadingGuard, make_arena_guard

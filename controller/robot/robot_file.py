@@ -21,11 +21,10 @@ from vvvaltr.controller.loop.safety import Arena, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.registry import DRIVERS
-from vvvaltr.drivers.table import LineTable, MotorTable, Table, TrackerTable
+from vvvaltr.drivers.table import Finite, LineTable, MotorTable, Positive, Table, TrackerTable
 from vvvaltr.drivers.trackers.registry import TRACKERS
 
 Pause = Annotated[float, Meta(ge=0, le=3600)]
-Bound = Annotated[float, Meta(gt=0)]  # infinite for none
 
 
 class ArenaTable(Table, frozen=True, kw_only=True):
@@ -38,11 +37,11 @@ class ArenaTable(Table, frozen=True, kw_only=True):
 class StartTable(Table, frozen=True, kw_only=True):
     """Where the robot is put back to; see ``StartPlace``. Without ``yaw_rad`` any heading will do."""
 
-    x_m: float = 0.0
-    y_m: float = 0.0
-    yaw_rad: float | None = None
-    within_m: Bound = 0.03
-    within_rad: Bound = 0.2
+    x_m: Finite = 0.0
+    y_m: Finite = 0.0
+    yaw_rad: Finite | None = None
+    within_m: Positive = 0.03
+    within_rad: Positive = 0.2
 
 
 class HandTable(Table, frozen=True, kw_only=True):
@@ -62,7 +61,7 @@ class TrialTable(Table, frozen=True, kw_only=True):
     ramp_s: Pause = 0.2
     period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.04
     hold_s: Annotated[float, Meta(gt=0, le=1)] = 0.25
-    heading_limit_rad: Bound = math.inf
+    heading_limit_rad: Annotated[float, Meta(gt=0)] = math.inf
     rest_s: Pause = 0.25
     max_speed_m_s: Annotated[float, Meta(ge=0, le=GREATEST_SPEED_M_S)] = 0.0
 
@@ -237,10 +236,6 @@ def _check_rest(robot: RobotFile) -> None:
             raise ValueError(
                 f"arena.{axis} is {list(getattr(robot.arena, axis))}; allowed: [low, high] with low < high, both finite"
             )
-    try:
-        _ = robot.start_place
-    except ValueError as error:
-        raise ValueError(f"start.{error}") from None
     if robot.start and Placement(arena=robot.trial_settings.arena).is_at_border(robot.start.x_m, robot.start.y_m):
         raise ValueError(
             f"start is at x_m {robot.start.x_m:g}, y_m {robot.start.y_m:g}; allowed: well inside the arena"

@@ -25,15 +25,7 @@ from vvvaltr import __version__
 from vvvaltr.controller.core.disk import open_plain, replacing, sync_folder
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.records import LoggedTrial, Run
-from vvvaltr.controller.core.values import (
-    Command,
-    MotorState,
-    Photo,
-    Pose,
-    Source,
-    Structure,
-    Trial,
-)
+from vvvaltr.controller.core.values import Command, MotorState, Photo, Pose, Source, Structure, Trial
 from vvvaltr.controller.runs.contents import FORMAT, Contents, nanoseconds
 from vvvaltr.controller.runs.schema import codec, drawing
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
@@ -273,17 +265,10 @@ def find_trial_span_ns(trial: Trial, after_ns: int) -> tuple[int, int]:
     A twin runs faster than real time, so that the trials of a run would overlap: a trial begins at its wall time or at
     the end of the last one (``after_ns``), whichever is later. Nothing in it is before 1970, whatever the clock shows.
     """
-    recorded: Iterable[Pose | Command | MotorState | Photo] = (
-        *trial.poses,
-        *trial.commands,
-        *trial.states,
-        *trial.photos,
+    recorded: Iterable[Pose | Command | MotorState | Photo] = chain(
+        trial.poses, trial.commands, trial.states, trial.photos
     )
-    times_s = (
-        0.0,
-        trial.duration_s,
-        *(each.t_s for each in recorded),
-    )  # a tracker's first pose is older than the drive
+    times_s = (0.0, trial.duration_s, *(each.t_s for each in recorded))  # the first pose is older than the drive
     begin_ns = max(nanoseconds(trial.started_unix_s), after_ns, -nanoseconds(min(times_s)))
     return begin_ns, begin_ns + nanoseconds(max(times_s))
 

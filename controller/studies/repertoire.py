@@ -22,12 +22,7 @@ from vvvaltr.controller.robot.opening import Rig, choose_robot, open_rig
 from vvvaltr.controller.runs.config import load_config
 from vvvaltr.controller.runs.log import read_run
 from vvvaltr.controller.runs.repertoire_file import SOURCE_NAME
-from vvvaltr.controller.studies.steering_run import (
-    SteeringRun,
-    load_repertoire,
-    sorted_runs,
-    steering_config,
-)
+from vvvaltr.controller.studies.steering_run import SteeringRun, load_repertoire, sorted_runs, steering_config
 from vvvaltr.transfer.steering.lacking import next_gait
 from vvvaltr.transfer.steering.passage import STEADY_S
 from vvvaltr.transfer.steering.repertoire import Repertoire, learn_repertoire

@@ -8,15 +8,7 @@ from dataclasses import replace
 
 from vvvaltr.controller.core.conditions import Conditions
 from vvvaltr.controller.core.gaits import Gait
-from vvvaltr.controller.core.records import (
-    Displacement,
-    Fit,
-    LoggedTrial,
-    Review,
-    Run,
-    SteeringStep,
-    Verdict,
-)
+from vvvaltr.controller.core.records import Displacement, Fit, LoggedTrial, Review, Run, SteeringStep, Verdict
 from vvvaltr.controller.core.values import (
     Command,
     Estimate,

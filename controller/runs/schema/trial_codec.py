@@ -21,15 +21,7 @@ from vvvaltr.controller.core.records import (
     Verdict,
 )
 from vvvaltr.controller.core.resting import RestingPose
-from vvvaltr.controller.core.values import (
-    Command,
-    MotorState,
-    Outcome,
-    Pose,
-    Recommendation,
-    Suggestion,
-    Trial,
-)
+from vvvaltr.controller.core.values import Command, MotorState, Outcome, Pose, Recommendation, Suggestion, Trial
 from vvvaltr.controller.runs.schema import vvvaltr_pb2 as pb
 from vvvaltr.controller.runs.schema.codec import (
     decode_estimate,

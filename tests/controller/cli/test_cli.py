@@ -167,7 +167,7 @@ NOT_UNDERSTOOD = [
     ("trial 12 14 nan", "nan"),
     ("trial 12 14 9 --repeats 0", "--repeats"),
     ("trial 12 14 9 --amplitude 2 1 1", "amplitude"),
-    ("trial 12 14 9 --phase 1 2", "--phase has 2 values for 3 motors"),
+    ("trial 12 14 9 --phase 1 2 --robot missing.toml", "--phase has 2 values for 3 motors"),  # before it is opened
     ("trial 12 14 9 --amplitude 1", "--amplitude has 1 value for 3 motors"),
     ("learn --or-resume", "give --out DIR as well"),
     ("check planar", "planar is a twin; check tests the links, motors, watchdogs and tracker of a real robot"),

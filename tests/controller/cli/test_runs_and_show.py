@@ -75,19 +75,8 @@ def test_a_run_is_shown_however_narrow_the_terminal_says_that_it_is(
 
 def test_trials_of_a_reference_do_not_make_a_run_complete(tmp_path: Path) -> None:
     run = tmp_path / "run"
-    asked = (
-        "--robot",
-        "planar",
-        "--method",
-        "random",
-        "--duration",
-        "0.5",
-        "--trials",
-        "3",
-        "--reference",
-        "12,-14,9:1",
-    )
-    assert main(["learn", *asked, "--out", str(run), "--no-recording", "--quiet"]) == 0
+    asked = "--robot planar --method random --duration 0.5 --trials 3 --reference 12,-14,9:1"
+    assert main(["learn", *asked.split(), "--out", str(run), "--no-recording", "--quiet"]) == 0
     found = describe_run(run)
     assert (found.trials, found.wanted, found.state) == (5, 3, State.COMPLETE)
 

@@ -4,14 +4,7 @@ import numpy as np
 
 from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import EventKind, Fit, LoggedTrial
-from vvvaltr.controller.core.values import (
-    MotorState,
-    Outcome,
-    Phase,
-    Pose,
-    Suggestion,
-    Trial,
-)
+from vvvaltr.controller.core.values import MotorState, Outcome, Phase, Pose, Suggestion, Trial
 from vvvaltr.controller.loop.causes import StrengthWatch, fault_standing_motor, have_turned, review_speed, to_repeat
 from vvvaltr.controller.loop.learn import learn
 from vvvaltr.controller.loop.plan import Budget

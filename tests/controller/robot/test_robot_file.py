@@ -16,11 +16,7 @@ from vvvaltr.controller.robot.commissioning.calibrate import (
     replace_curves,
     rewrite_robot_file,
 )
-from vvvaltr.controller.robot.robot_file import (
-    RobotFile,
-    load_robot_file,
-    robot_file_from,
-)
+from vvvaltr.controller.robot.robot_file import RobotFile, load_robot_file, robot_file_from
 from vvvaltr.drivers.mocking.faults import FaultScript, Kind
 from vvvaltr.drivers.node.table import NodeLineTable
 from vvvaltr.drivers.odrive.table import OdriveLineTable

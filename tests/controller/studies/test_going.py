@@ -20,12 +20,7 @@ from vvvaltr.controller.robot.opening import choose_robot, open_rig
 from vvvaltr.controller.runs.errand import Errand, load_errand
 from vvvaltr.controller.runs.log import read_run
 from vvvaltr.controller.runs.run import RunDirectory
-from vvvaltr.controller.studies.going import (
-    GoRun,
-    check_errand,
-    read_goals,
-    usable_repertoire,
-)
+from vvvaltr.controller.studies.going import GoRun, check_errand, read_goals, usable_repertoire
 from vvvaltr.controller.studies.repertoire import put_together
 from vvvaltr.controller.studies.steering_run import SteeringRun, load_repertoire, steering_config
 
