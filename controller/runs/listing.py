@@ -81,6 +81,8 @@ def describe_run(path: Path) -> Listed:
         completed = sum(_table(summary, "outcomes").get(name, 0) for name in ("completed", "cut_short"))
         valid = int(summary.get("valid_trials", completed))
         trials, wanted = _number(summary.get("trials", summary.get("primitives"))), _find_wanted(config)
+        # A run of `go` that was killed has no summary, and has not arrived.
+        has_arrived = summary.get("reached", False if config.get("method") == "go" else None)
         observed_m_s = _number(_table(summary, "best_observed").get("score_m_s"))
         return Listed(
             path,
@@ -93,7 +95,7 @@ def describe_run(path: Path) -> Listed:
             observed_m_s,
             tuple(map(str, config.get("sources", ()))),
             _date(path),
-            _find_state(path, wanted, valid, summary.get("reached")),
+            _find_state(path, wanted, valid, has_arrived),
         )
     except (
         OSError,

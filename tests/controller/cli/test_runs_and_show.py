@@ -104,6 +104,7 @@ def test_a_run_whose_log_is_open_is_running_and_one_that_ended_early_is_stopped(
         ('method = "repertoire"\ntrials = 12\nsources = ["a"]', None, None, None, State.ASKED),
         ('method = "go"\ntrials = 1', {"reached": True, "primitives": 7}, 7, None, State.COMPLETE),
         ('method = "go"\ntrials = 1', {"reached": False, "primitives": 7}, 7, None, State.STOPPED),
+        ('method = "go"\ntrials = 1', None, None, None, State.STOPPED),  # killed
         ('method = "jog"\ntrials = 1', {"trials": 3}, 3, None, State.ASKED),
     ],
 )
