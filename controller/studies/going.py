@@ -199,7 +199,7 @@ def read_goals(path: Path) -> tuple[tuple[float, float, float | None], ...]:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         what = error.strerror if isinstance(error, OSError) else error
         raise UserError(f"{path}: {what}; give a CSV file with x, y and perhaps yaw in each line") from None
-    if rows and rows[0][0].strip()[:1] not in tuple("+-.0123456789"):
+    if rows and not any(cell.strip()[:1] in tuple("+-.0123456789") for cell in rows[0]):
         rows = rows[1:]
     if not rows:
         raise UserError(f"{path} has no way points: write x, y and perhaps yaw in each line")

@@ -75,7 +75,9 @@ def test_a_goal_beyond_any_laboratory_is_refused(x_m: float) -> None:
         check_errand(Errand(((x_m, 0.0, None),)), None, ROBOT)
 
 
-@pytest.mark.parametrize("text", ["0.05;0\n0.1,0\n", "0,05 0\n0.1,0\n", "x,y\n0.05;0\n0.1,0\n"])
+@pytest.mark.parametrize(
+    "text", ["0.05;0\n0.1,0\n", "0,05 0\n0.1,0\n", "x,y\n0.05;0\n0.1,0\n", "nan,0\n0.1,0\n", ",0.1\n0.1,0\n"]
+)
 def test_a_first_way_point_that_is_not_understood_is_not_taken_for_a_header(tmp_path: Path, text: str) -> None:
     path = tmp_path / "way.csv"
     path.write_text(text)
