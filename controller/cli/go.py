@@ -115,7 +115,7 @@ def _go(run: GoRun, observers: Sequence[Observer], arguments: Namespace) -> None
             trial = logged.trial
             progress.update()
             if not trial.outcome.is_valid:
-                say_above(progress, f"primitive {trial.number}: {trial.outcome}: {trial.reason}")
+                say_above(progress, f"primitive {trial.number}: {trial.ending}")
             elif logged.steering is not None:
                 x_m, y_m, _ = trial.poses[-1].position_m
                 left_m = math.hypot(x_m - logged.steering.goal_m[0], y_m - logged.steering.goal_m[1])

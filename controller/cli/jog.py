@@ -44,7 +44,7 @@ def _execute(arguments: Namespace) -> Answer:
                 if trial.outcome.is_valid:
                     say(arguments, f"{logged.suggestion.origin.partition(': ')[2]} for {trial.duration_s:.1f} s")
                 else:
-                    say(arguments, f"{trial.outcome}: {trial.reason}")
+                    say(arguments, trial.ending)
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt(f"{interrupt}; what was driven is saved in {out}") from None
     finally:

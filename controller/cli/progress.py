@@ -50,8 +50,8 @@ class TrialProgress:
             self.warn(f"trial {logged.trial.number}: {_VERDICTS[logged.review.verdict]}{why}")
             return
         if logged.score is None:
-            self._failures[logged.trial.outcome.value.replace("_", " ")] += 1
-            self.warn(f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}")
+            self._failures[logged.trial.outcome.words] += 1
+            self.warn(f"trial {logged.trial.number}: {logged.trial.ending}")
             return
         if logged.review.is_suspect:
             self.warn(f"trial {logged.trial.number} is suspect: {logged.review.suspicion}")

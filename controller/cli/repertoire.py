@@ -108,7 +108,7 @@ def _learn(run: RepertoireRun, arguments: Namespace) -> None:
     with bar(arguments, total=total, initial=done, unit="trial", desc="learning movements") as progress:
         for logged in run.learn():
             if logged.score is None:
-                say_above(progress, f"trial {logged.trial.number}: {logged.trial.outcome}: {logged.trial.reason}")
+                say_above(progress, f"trial {logged.trial.number}: {logged.trial.ending}")
             else:
                 progress.set_postfix_str(logged.suggestion.origin, refresh=False)
                 progress.update()

@@ -108,6 +108,11 @@ class Outcome(StrEnum):
         """Whether the trial measured something: only then may it be scored."""
         return self in (Outcome.COMPLETED, Outcome.CUT_SHORT)
 
+    @property
+    def words(self) -> str:
+        """The outcome as a person reads it."""
+        return self.replace("_", " ")
+
 
 @dataclass(frozen=True, slots=True)
 class Photo:
@@ -161,6 +166,11 @@ class Trial:
 
     def __post_init__(self) -> None:
         check_finite(started_unix_s=self.started_unix_s, duration_s=self.duration_s)
+
+    @property
+    def ending(self) -> str:
+        """How it ended, and why, as a person reads it."""
+        return f"{self.outcome.words}: {self.reason}"
 
 
 @dataclass(frozen=True, slots=True)

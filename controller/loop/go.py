@@ -238,7 +238,7 @@ class Journey:
         elif self._steersman.turns and lacks_heading(trial):
             self._reason = NO_HEADING
         elif self._failures >= _FAILURES_IN_A_ROW:
-            self._reason = f"{self._failures} primitives in a row failed; the last one: {trial.outcome}: {trial.reason}"
+            self._reason = f"{self._failures} primitives in a row failed; the last one: {trial.ending}"
         self._steersman.learn(trial)
         try:
             self._see(trial)

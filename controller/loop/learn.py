@@ -155,7 +155,7 @@ class _Troubles:
             raise KeyboardInterrupt(trial.reason)
         self._failures = 0 if trial.outcome.is_valid else self._failures + 1
         if self._failures >= _FAILURES_IN_A_ROW:
-            self._pause(f"{self._failures} trials in a row failed; the last one: {trial.outcome}: {trial.reason}")
+            self._pause(f"{self._failures} trials in a row failed; the last one: {trial.ending}")
             self._failures = 0
         if news := self._shortfall.look(trial):
             self._pause(f"{news}; charge the battery, look at the motor")

@@ -26,7 +26,7 @@ class Followers:
         self._tell_all(lambda observer: observer.on_trial(logged))
         trial = logged.trial
         if not trial.outcome.is_valid:
-            self.announce(EventKind.WARNING, f"trial {trial.number} measured nothing: {trial.outcome}: {trial.reason}")
+            self.announce(EventKind.WARNING, f"trial {trial.number} measured nothing: {trial.ending}")
 
     def _tell_all(self, tell: Callable[[Observer], None]) -> None:
         dropped = [problem for observer in tuple(self._observers) if (problem := self._drop_on_failure(observer, tell))]

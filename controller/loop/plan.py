@@ -117,7 +117,7 @@ class Plan:
     def describe(self, trial: Trial) -> str:
         """Return a trial in a few words, for the operator."""
         if not trial.outcome.is_valid:
-            return trial.outcome.value.replace("_", " ")
+            return trial.outcome.words
         return f"{1000.0 * score(trial, self._budget.score_name):.1f} mm/s"
 
     def judge(self, suggestion: Suggestion, trial: Trial, remarks: Remarks) -> LoggedTrial:

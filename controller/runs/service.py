@@ -34,7 +34,7 @@ class ServiceNotices:
     def on_trial(self, logged: LoggedTrial) -> None:
         """Tell of a trial."""
         speed = "" if logged.score is None else f", {1000.0 * logged.score:.1f} mm/s"
-        self._send(f"WATCHDOG=1\nSTATUS=trial {logged.trial.number}: {logged.trial.outcome}{speed}")
+        self._send(f"WATCHDOG=1\nSTATUS=trial {logged.trial.number}: {logged.trial.outcome.words}{speed}")
 
     def on_event(self, event: Event) -> None:
         """Tell of an event."""

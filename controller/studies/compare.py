@@ -150,4 +150,4 @@ def _try_until_valid(
         if trial.outcome is Outcome.INTERRUPTED:
             raise KeyboardInterrupt(trial.reason)
         if failures == _FAILURES_IN_A_ROW:
-            raise UserError(f"{failures} trials in a row failed; the last one: {trial.outcome}: {trial.reason}")
+            raise UserError(f"{failures} trials in a row failed; the last one: {trial.ending}")

@@ -90,7 +90,7 @@ def survey_floor(
             raise KeyboardInterrupt(trial.reason)
         done, failures = (done + 1, 0) if trial.outcome.is_valid else (done, failures + 1)
         if failures == _FAILURES_IN_A_ROW:
-            raise UserError(f"{failures} trials in a row failed; the last one: {trial.outcome}: {trial.reason}")
+            raise UserError(f"{failures} trials in a row failed; the last one: {trial.ending}")
 
 
 def find_drift(trials: Sequence[LoggedTrial]) -> Drift:

@@ -191,4 +191,4 @@ def _stop_if_hopeless(logged: LoggedTrial, failures: int) -> None:
     if trial.outcome is Outcome.INTERRUPTED:
         raise KeyboardInterrupt(trial.reason)
     if failures >= _FAILURES_IN_A_ROW:
-        raise UserError(f"{failures} trials in a row failed; the last one: {trial.outcome}: {trial.reason}")
+        raise UserError(f"{failures} trials in a row failed; the last one: {trial.ending}")

@@ -84,7 +84,7 @@ def draw_left_out(left_out: LeftOut) -> Figure:
 
 def draw_outcomes(found: RunFindings) -> Figure:
     """Draw how many trials ended in which way."""
-    counts = Counter(it.trial.outcome.value.replace("_", " ") for it in found.run.trials).most_common()
+    counts = Counter(it.trial.outcome.words for it in found.run.trials).most_common()
     figure, axes = _make(height=0.7 + 0.3 * len(counts))
     bars = axes.barh([name for name, _ in counts], [count for _, count in counts], color=_BLUE, height=0.6)
     axes.bar_label(bars, fontsize=9, padding=3)

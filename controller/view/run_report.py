@@ -131,7 +131,7 @@ def _trials(found: RunFindings) -> Iterator[str]:
     if found.left_out is not None:
         yield _draw(figures.draw_drift(found.left_out), _describe_drift(found.left_out))
     yield "</div>"
-    reasons = Counter((it.trial.outcome.value.replace("_", " "), it.trial.reason) for it in trials if it.trial.reason)
+    reasons = Counter((it.trial.outcome.words, it.trial.reason) for it in trials if it.trial.reason)
     if reasons:
         rows = [(outcome, reason, str(count)) for (outcome, reason), count in reasons.most_common(30)]
         yield write_table("Why trials did not run to their end", ("outcome", "reason", "trials"), rows)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from vvvaltr.controller.core.gaits import Gait
 from vvvaltr.controller.core.records import LoggedTrial, Run, SteeringStep
-from vvvaltr.controller.core.values import Outcome, Pose
+from vvvaltr.controller.core.values import Pose
 
 _TABLE_ROWS = 60  # the newest trials; `vvvaltr export` has all
 _TWINS = ("planar", "spatial")
@@ -31,17 +31,8 @@ def _join_numbers(numbers: Sequence[float], digits: int) -> str:
 def describe(logged: LoggedTrial) -> str:
     """Return what a trial came to: its speed, or why it measured nothing."""
     if logged.score is None:
-        return f"{name_outcome(logged)}: {logged.trial.reason}"
+        return logged.trial.ending
     return f"{1000 * logged.score:.1f} mm/s" + (", suspect" if logged.review.is_suspect else "")
-
-
-def name_outcome(logged: LoggedTrial) -> str:
-    """Return how a trial ended, in words."""
-    return _name(logged.trial.outcome)
-
-
-def _name(outcome: Outcome) -> str:
-    return outcome.value.replace("_", " ")
 
 
 def write_about(run: Run, has_maps: bool = False) -> str:
@@ -61,7 +52,7 @@ def write_result(trials: Sequence[LoggedTrial]) -> str:
     if trials and trials[-1].steering is not None and trials[-1].recommendation is None:
         return _write_way(trials, trials[-1].steering)
     outcomes = Counter([logged.trial.outcome for logged in trials])
-    counts = ", ".join(f"{count} {_name(outcome)}" for outcome, count in outcomes.most_common())
+    counts = ", ".join(f"{count} {outcome.words}" for outcome, count in outcomes.most_common())
     recommended = [logged.recommendation for logged in trials if logged.recommendation is not None]
     measured = [logged for logged in trials if logged.score is not None]
     if not recommended or not measured:
@@ -119,7 +110,7 @@ def _join_rows(rows: Sequence[str], count: int) -> str:
 def _write_row(logged: LoggedTrial) -> str:
     speed = "" if logged.score is None else f"{1000 * logged.score:.1f}"
     gait = _join_numbers(logged.trial.gait.frequency_hz, 1)
-    cells = (str(logged.trial.number), gait, speed, name_outcome(logged), _reason(logged))
+    cells = (str(logged.trial.number), gait, speed, logged.trial.outcome.words, _reason(logged))
     return f"| {' | '.join(cells)} |"
 
 

@@ -90,7 +90,7 @@ def test_a_failed_trial_is_recorded_tried_again_and_never_told() -> None:
 def test_a_robot_that_keeps_failing_ends_the_run_with_the_reason() -> None:
     log: list[LoggedTrial] = []
 
-    with pytest.raises(UserError, match=r"3 trials in a row failed.*tracking_lost: hidden"):
+    with pytest.raises(UserError, match=r"3 trials in a row failed.*tracking lost: hidden"):
         run(ScriptedRobot(at_s=0.0, event=raising(TrackingLost("hidden"))), 10, log)
 
     assert len(log) == 3

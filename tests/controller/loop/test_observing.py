@@ -104,7 +104,7 @@ def test_failed_trials_are_warned_of_and_the_end_says_why() -> None:
         follow(notebook, robot=ScriptedRobot(at_s=0.0, event=raising(TrackingLost("hidden"))))
 
     assert notebook.trials == [1, 2, 3]
-    assert notebook.events[1] == Event(EventKind.WARNING, "trial 1 measured nothing: tracking_lost: hidden")
+    assert notebook.events[1] == Event(EventKind.WARNING, "trial 1 measured nothing: tracking lost: hidden")
     assert notebook.events[-1].text.startswith("3 trials in a row failed")
 
 

@@ -46,7 +46,7 @@ def test_a_trial_that_failed_is_made_again_and_three_in_a_row_end_it():
     def lost() -> Pose:
         raise TrackingLost("nobody sees the robot")
 
-    with pytest.raises(UserError, match="3 trials in a row failed; the last one: tracking_lost"):
+    with pytest.raises(UserError, match="3 trials in a row failed; the last one: tracking lost"):
         robot.tracker.pose = lost  # type: ignore[method-assign]
         list(compare(robot, SHORT, Comparison(Contest((FAST, SLOW))), recorded.append))
     assert len({logged.trial.gait for logged in recorded}) == 1 and len(recorded) == 3
