@@ -38,8 +38,8 @@ def _execute(arguments: Namespace) -> Answer:
         text = write_robot_file(driver, port, arguments.motors, arguments.tracker, struts)
     problem = "" if arguments.no_probe else _probe(text, path, arguments)
     write_file(path, text)
-    motors = counted(arguments.motors, "motor")
-    lines = [f"wrote      {path}: {motors} on {driver} {port}, tracker {arguments.tracker}".rstrip()]
+    line = f"{counted(arguments.motors, 'motor')} on {driver} {port}".rstrip()
+    lines = [f"wrote      {path}: {line}, tracker {arguments.tracker}"]
     lines += [f"no answer  {problem}"] if problem else []
     lines.append(f"next       look through {path}, then: vvvaltr check {path}")
     answers = None if arguments.no_probe else not problem

@@ -117,7 +117,7 @@ def calibrated(views: BoardViews) -> Calibration:
     focal_doubt = float(np.ravel(doubts)[0]) / fx
     if error_px > _MOST_ERROR_PX:
         raise UserError(
-            f"the board's corners are {error_px:.1f} px off (root mean square), {_MOST_ERROR_PX:g} px is the limit: "
+            f"the board's corners are {error_px:.1f} px off (root mean square), {_MOST_ERROR_PX:g} px is the limit; "
             "glue the board onto something flat, hold it still, and light it evenly"
         )
     # Views without a tilt fit any focal length at its own distance, and the fit's own doubt does not tell.
@@ -125,7 +125,7 @@ def calibrated(views: BoardViews) -> Calibration:
     tilt = float(np.linalg.svd(normals - normals.mean(axis=0), compute_uv=False)[-1]) / math.sqrt(len(normals))
     if tilt < _LEAST_TILT or not focal_doubt < _MOST_FOCAL_DOUBT:
         raise UserError(
-            "these views of the board cannot tell the focal length: tilt the board by 30 degrees, to all sides, and "
+            "these views of the board cannot tell the focal length; tilt the board by 30 degrees, to all sides, and "
             "show it in the picture's corners too"
         )
     lens = Lens(*views.size_px, (fx, fy), (cx, cy), tuple(np.ravel(distortion)[:5].tolist()))

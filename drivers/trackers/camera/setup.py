@@ -69,7 +69,7 @@ def _by_floor_tags(lens: Lens, places_m: Mapping[int, tuple[float, float]], next
         raise UserError(str(error)) from None
     if view.error_m > _FLOOR_DOUBT_M:
         raise UserError(
-            f"the floor tags are {1000 * view.error_m:.0f} mm off where tracker.floor says (root mean square): "
+            f"the floor tags are {1000 * view.error_m:.0f} mm off where tracker.floor says (root mean square); "
             "measure their places again, and check that no two are exchanged"
         )
     return view
@@ -89,8 +89,8 @@ def _looks(lens: Lens, numbers: Sequence[int], next_picture: NextPicture) -> dic
     hidden = [str(number) for number in numbers if len(seen[number]) < LOOKS]
     also = f" (it sees {', '.join(map(str, sorted(tags)))})" if tags else ""
     raise UserError(
-        f"the camera does not see tag {' and tag '.join(hidden)}{also}: put the whole tag with its white margin into "
-        "the picture, in even light; vvvaltr camera ROBOT show draws what it sees"
+        f"the camera does not see tag {' and tag '.join(hidden)}{also}; put the whole tag with its white margin into "
+        "the picture, in even light: vvvaltr camera ROBOT show draws what it sees"
     )
 
 

@@ -27,7 +27,7 @@ _QUIET = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENBLA
 def require_opencv() -> None:
     """Raise UserError, with the cure, where OpenCV is not installed."""
     if importlib.util.find_spec("cv2") is None:
-        raise UserError("the camera needs OpenCV, which is not installed: pip install 'vvvaltr[camera]'")
+        raise UserError("the camera needs OpenCV, which is not installed; run: pip install 'vvvaltr[camera]'")
 
 
 def silence_opencv() -> None:

@@ -80,17 +80,17 @@ def watch(table: CameraTable, say: _Speech) -> None:
 def start_sight(table: CameraTable, source: Source) -> Sight:
     """Return what reads the pictures of a source. Raises UserError, NoMorePictures."""
     if table.lens is None:
-        raise UserError("tracker.lens is missing: run vvvaltr camera ROBOT calibrate first")
+        raise UserError("tracker.lens is missing; run vvvaltr camera ROBOT calibrate first")
     lens, applied = table.lens.lens, source.applied
     if (lens.width_px, lens.height_px) != (applied.width_px, applied.height_px):
         raise UserError(
             f"the pictures are {applied.width_px} x {applied.height_px} pixels, and the lens was calibrated at "
-            f"{lens.width_px} x {lens.height_px}: set tracker.width_px and height_px to that, or calibrate again"
+            f"{lens.width_px} x {lens.height_px}; set tracker.width_px and height_px to that, or calibrate again"
         )
     tag = table.robot_tag
     view = find_view(lens, tag, table.floor_m, table.camera_height_m, lambda: source.newest().grey)
     if view.position_m[2] <= tag.height_m:
-        raise UserError(f"the camera would hang {view.position_m[2]:.2f} m high, below the tag: correct tag.size_m")
+        raise UserError(f"the camera would hang {view.position_m[2]:.2f} m high, below the tag; correct tag.size_m")
     return Sight(view, tag)
 
 

@@ -88,7 +88,7 @@ def test_show_without_a_lens_fails_with_the_cure_and_still_draws_what_is_seen(ro
     robot.write_text(ROBOT.format(source=pictures))
     assert main(["camera", str(robot), "show", "--out", "seen"]) == 1
     assert (
-        "tracker.lens is missing: run vvvaltr camera ROBOT calibrate first; seen.png shows" in capsys.readouterr().err
+        "tracker.lens is missing; run vvvaltr camera ROBOT calibrate first; seen.png shows" in capsys.readouterr().err
     )
     assert Path("seen.png").exists()
 
@@ -122,6 +122,12 @@ def test_too_few_views_are_told_and_nothing_is_written(robot, capsys):
     assert main(["camera", str(robot), "calibrate"]) == 1
     assert "only 0 different views of the board were seen, 15 are needed" in capsys.readouterr().err
     assert robot.read_text() == before
+
+
+def test_check_tells_the_cameras_own_cure(robot, pictures, capsys):
+    robot.write_text(ROBOT.format(source=pictures) + FLOOR)
+    assert main(["check", str(robot)]) == 1
+    assert "\ntracker: run vvvaltr camera ROBOT calibrate first\n" in capsys.readouterr().out
 
 
 def test_a_robot_with_another_tracker_is_told_what_to_set(robot, capsys):
