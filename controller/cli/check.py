@@ -11,7 +11,7 @@ from vvvaltr.controller.cli.options import add_robot_file_arguments, chosen_robo
 from vvvaltr.controller.cli.telling import say
 
 if TYPE_CHECKING:
-    from vvvaltr.controller.robot.commissioning.check import Finding
+    from vvvaltr.controller.robot.commissioning.finding import Finding
 
 
 def _execute(arguments: Namespace) -> Answer:

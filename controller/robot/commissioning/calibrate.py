@@ -31,7 +31,7 @@ from vvvaltr.drivers.links.curve import Curve
 from vvvaltr.drivers.table import Points
 
 _SETTLE_S = 1.2  # a motor is at 97 % of its speed by then
-_CLEAR, _CLEAR_IN_SHAPE = 1.6, 4.0  # above what noise reaches
+_CLEAR_IN_SHAPE = 4.0  # above what noise reaches
 _SLOWEST_SEEN, _SLOWEST_MEASURED = 0.2, 0.12  # of the greatest command
 _OFF_HZ = 0.1
 _LOOK_S, _LOOK_POSES = 1.5, 75.0
@@ -201,7 +201,7 @@ class _Measurement:
     def _look(self, command: float) -> Peak | None:
         """Return the vibration at a command, wherever it is; None if none is clear."""
         peak = find_peak(self._record(command), 2.0, math.inf)
-        return peak if peak.clarity > _CLEAR else None
+        return peak if peak.is_clear else None
 
     def _record(self, command: float) -> Spectrum:
         motors, tracker = self._robot.motors, self._robot.tracker
@@ -220,7 +220,7 @@ class _Measurement:
             high_hz = 1.02 * self._last[1]
             low_hz = 0.6 * self._last[1] * command / self._last[0]
         peak = find_peak(self._record(command), low_hz, high_hz, self._shape)
-        if peak.clarity < (_CLEAR_IN_SHAPE if self._shape else _CLEAR):
+        if not (peak.clarity >= _CLEAR_IN_SHAPE if self._shape else peak.is_clear):
             return math.nan
         self._shape = self._shape or peak
         self._last = (command, peak.frequency_hz)
@@ -246,8 +246,8 @@ def fit_curve(seen: Sequence[Reading], former: Points) -> Points:
         points = [(c, round(hz * share, 3)) for c, hz in former if c < lowest and hz * share > 0.0] + points
     if len(points) < 2:
         raise UserError(
-            f"motor {seen[0].motor + 1} could be measured at fewer than two commands; check its wiring and the "
-            "tracker, or measure by other means (--ask)"
+            f"motor {seen[0].motor + 1} could be measured at fewer than two commands; look at it: if it stands still, "
+            "check its wiring; if it turns, look for longer (--seconds), or measure by other means (--ask)"
         )
     return tuple(points)
 

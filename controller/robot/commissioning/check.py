@@ -6,22 +6,14 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
 
 from vvvaltr.controller.core.errors import DeviceError, DeviceFault, TrackingLost, UserError
 from vvvaltr.controller.core.gaits import Gait
-from vvvaltr.controller.core.protocols import Tracker
 from vvvaltr.controller.loop.plausibility import Plausibility, PoseFilter
+from vvvaltr.controller.robot.commissioning.finding import Finding
+from vvvaltr.controller.robot.commissioning.rotation import SETTLE_S, RotationTest, Seeing, chosen_hz
 from vvvaltr.controller.robot.commissioning.track import Sight, look, problems, sight
-from vvvaltr.controller.robot.commissioning.vibration import (
-    Peak,
-    find_peak,
-    followed_hz,
-    measure_spectrum,
-    needed_rate_hz,
-    record_poses,
-    record_states,
-)
+from vvvaltr.controller.robot.commissioning.vibration import record_poses
 from vvvaltr.controller.robot.hardware import JoinedMotors, open_motors
 from vvvaltr.controller.robot.robot_file import RobotFile
 from vvvaltr.drivers.held_motors import HeldMotors
@@ -30,23 +22,8 @@ from vvvaltr.drivers.registry import open_line
 from vvvaltr.drivers.table import LineTable
 from vvvaltr.drivers.trackers.registry import PoseTracker, open_tracker
 
-_TEST_SHARE, _TEST_HZ = 0.75, 15.0  # of the greatest frequency, but no faster than any tracker can see
-_SETTLE_S, _LOOK_S, _LOOK_POSES = 0.6, 1.0, 50.0
-_TOLERANCE = 0.15
-_CLEAR = 1.6
-_LOOK_AT_REST_S = 2.0
-_REOPENING_S = 2.0
+_LOOK_AT_REST_S, _LOOK_IN_MOTION_S = 2.0, 1.0
 _ROTATION_S, _RUN_DOWN_S, _AT_REST_HZ = 0.4, 0.5, 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """What one test of a robot showed. What passed with a ``cure`` is a warning."""
-
-    name: str
-    passed: bool
-    detail: str
-    cure: str = ""
 
 
 def check(robot: RobotFile) -> Iterator[Finding]:
@@ -67,17 +44,9 @@ def check(robot: RobotFile) -> Iterator[Finding]:
             seen = sight(list(look(tracker, _LOOK_AT_REST_S)), tracker)
             findings = list(_judge_tracker(seen))
             yield from findings
-            seeing = _Seeing(tracker, seen.rate_hz) if all(finding.passed for finding in findings) else None
+            seeing = Seeing(tracker, seen.rate_hz) if all(finding.passed for finding in findings) else None
         if opened:
             yield from _check_motors(robot, seeing)
-
-
-@dataclass(frozen=True, slots=True)
-class _Seeing:
-    """A tracker that works, and how many poses it sends a second."""
-
-    tracker: PoseTracker
-    rate_hz: float
 
 
 def _open_tracker(robot: RobotFile, stack: ExitStack) -> PoseTracker | Finding:
@@ -170,7 +139,7 @@ def _judge_tracker(seen: Sight) -> Iterator[Finding]:
         yield Finding("poses", True, problem.what, problem.cure)
 
 
-def _check_motors(robot: RobotFile, seeing: _Seeing | None) -> Iterator[Finding]:
+def _check_motors(robot: RobotFile, seeing: Seeing | None) -> Iterator[Finding]:
     with ExitStack() as stack:
         lines: list[HeldMotors] = []
         try:
@@ -182,18 +151,18 @@ def _check_motors(robot: RobotFile, seeing: _Seeing | None) -> Iterator[Finding]
             return
         motors = JoinedMotors(lines)
         for number, motor in enumerate(robot.motors, start=1):
-            test = _RotationTest(motors, seeing, number - 1, motor.max_hz, robot.reverses)
+            test = RotationTest(motors, seeing, number - 1, motor.max_hz, robot.reverses)
             yield from test.findings(f"motor {number}")
         if seeing is not None:
             yield _check_motion(motors, seeing, robot)
 
 
-def _check_motion(motors: JoinedMotors, seeing: _Seeing, robot: RobotFile) -> Finding:
+def _check_motion(motors: JoinedMotors, seeing: Seeing, robot: RobotFile) -> Finding:
     """Judge the poses while all motors turn: whether they are those of the robot."""
     name, poses = "poses in motion", PoseFilter(robot.trial_settings.plausibility or Plausibility())
     try:
-        gait = Gait(tuple(_test_hz(motor.max_hz) for motor in robot.motors))
-        seen = record_poses(motors, seeing.tracker, gait, _SETTLE_S, _LOOK_S)
+        gait = Gait(tuple(chosen_hz(motor.max_hz) for motor in robot.motors))
+        seen = record_poses(motors, seeing.tracker, gait, SETTLE_S, _LOOK_IN_MOTION_S)
         for pose in seen:
             poses.accepts(pose, motors_turn=True)
     except TrackingLost as lost:
@@ -203,96 +172,3 @@ def _check_motion(motors: JoinedMotors, seeing: _Seeing, robot: RobotFile) -> Fi
         return Finding(name, False, str(error), "check the motors first")
     detail = f"{len(seen)} poses, {poses.dropped} of them implausible"
     return Finding(name, True, detail, "let the tracker see one body alone, the robot" if poses.dropped else "")
-
-
-def _test_hz(max_hz: float) -> float:
-    return min(_TEST_SHARE * max_hz, _TEST_HZ)
-
-
-@dataclass(frozen=True, slots=True)
-class _RotationTest:
-    """Rotates one motor both ways."""
-
-    motors: JoinedMotors
-    seeing: _Seeing | None
-    motor: int
-    max_hz: float
-    reverses: bool = True
-
-    @property
-    def frequency_hz(self) -> float:
-        """How fast: what can be seen with some room, where there is no sensor."""
-        test_hz = _test_hz(self.max_hz)
-        if self.seeing is None or self.motors.state().measured:
-            return test_hz
-        return min(test_hz, followed_hz(self.seeing.rate_hz) / (1.0 + _TOLERANCE))
-
-    def findings(self, name: str) -> Iterator[Finding]:
-        cure = "check its wiring and supply, and run vvvaltr calibrate"
-        try:
-            if not self.motors.state().measured:
-                yield from self._tracked(name, cure)
-                return
-            asked_hz = self.frequency_hz
-            forward_hz, reverse_hz = self._measured_hz(asked_hz), self._measured_hz(-asked_hz)
-        except (DeviceError, TrackingLost) as error:
-            yield Finding(name, False, str(error), cure)
-            with suppress(DeviceError, UserError):
-                self.motors.ready(_REOPENING_S)  # the next motor is judged for itself
-            return
-        detail = f"set to {asked_hz:.1f} Hz, turns at {forward_hz:.1f} Hz"
-        passed = _is_near(abs(forward_hz), asked_hz)
-        yield Finding(name, passed, detail, "" if passed else cure)
-        detail = f"turns at {forward_hz:+.1f} and {reverse_hz:+.1f} Hz"
-        passed = forward_hz > 0.0 > reverse_hz
-        yield Finding(f"{name} direction", passed, detail, "" if passed else "swap the motor's or its encoder's wires")
-
-    def _tracked(self, name: str, cure: str) -> Iterator[Finding]:
-        """Yield what the tracker shows of a motor that has no sensor."""
-        if self.seeing is None:
-            yield Finding(
-                name, False, "it has no sensor, and no working tracker to measure it", "make the tracker work first"
-            )
-            return
-        asked_hz, look_s = self.frequency_hz, max(_LOOK_S, _LOOK_POSES / self.seeing.rate_hz)
-        for title, sign in ((name, 1.0), (f"{name} direction", -1.0))[: 2 if self.reverses else 1]:
-            peak = self._find_peak(self.seeing.tracker, sign * asked_hz, look_s)
-            if peak.clarity <= _CLEAR:  # a motor may stand still now and then
-                peak = self._find_peak(self.seeing.tracker, sign * asked_hz, look_s)
-            passed = peak.clarity > _CLEAR and _is_near(peak.frequency_hz, asked_hz)
-            detail = f"set to {sign * asked_hz:.1f} Hz, the robot shakes at {peak.frequency_hz:.1f} Hz"
-            if peak.clarity <= _CLEAR:
-                detail = f"set to {sign * asked_hz:.1f} Hz, the robot does not shake"
-            elif sign < 0.0:
-                detail += "; without a sensor the direction is unknown: look at the motor"
-            yield Finding(title, passed, detail, "" if passed else cure)
-        yield from self._too_fast(f"{name} speed", self.seeing.rate_hz)
-
-    def _find_peak(self, tracker: Tracker, motor_hz: float, look_s: float) -> Peak:
-        """Drive the motor and return the strongest vibration around its frequency."""
-        poses = record_poses(self.motors, tracker, self._gait(motor_hz), _SETTLE_S, look_s)
-        return find_peak(measure_spectrum(poses), 0.6 * abs(motor_hz), 1.4 * abs(motor_hz))
-
-    def _too_fast(self, name: str, rate_hz: float) -> Iterator[Finding]:
-        """Yield a warning where the tracker cannot follow the motor to its greatest frequency."""
-        if self.max_hz <= (limit_hz := followed_hz(rate_hz)):
-            return
-        yield Finding(
-            name,
-            True,
-            f"{rate_hz:.0f} poses/s show up to {limit_hz:.1f} Hz, and it turns at up to {self.max_hz:.1f} Hz",
-            f"let the tracker send {needed_rate_hz(self.max_hz):.0f} poses/s, or calibrate up to {limit_hz:.1f} Hz",
-        )
-
-    def _measured_hz(self, frequency_hz: float) -> float:
-        states = record_states(self.motors, self._gait(frequency_hz), max(_SETTLE_S, self.motors.settle_s), 0.3)
-        return sum(state.frequency_hz[self.motor] for state in states) / len(states)
-
-    def _gait(self, motor_hz: float) -> Gait:
-        frequency_hz = [0.0] * self.motors.motor_count
-        frequency_hz[self.motor] = motor_hz
-        return Gait(tuple(frequency_hz))
-
-
-def _is_near(frequency_hz: float, asked_hz: float) -> bool:
-    return math.isclose(frequency_hz, asked_hz, rel_tol=_TOLERANCE)

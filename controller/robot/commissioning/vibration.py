@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,7 @@ _LEAST_HZ = 1.0  # slower movement is the robot's walk
 _LEAST_NOISE = 1e-9  # in m or rad, from pose to pose: what is less is rounding, and no movement
 _BINS = 8192
 _SHARE_OF_NYQUIST = 0.96
+_CHANCE = 1e-3  # that noise alone is clear, for each line of a spectrum
 _SURE_SHARE = 0.9  # of half the pose rate: up to there no motor is mistaken for a slower one
 
 
@@ -50,10 +51,14 @@ class Spectrum:
     Args:
         frequency_hz: (frequencies,) of the lines of the spectrum.
         amplitude: (frequencies, coordinates), complex, in units of each coordinate's noise.
+        freedom: how many coordinates scatter independently of each other, 1 or more.
+        per_m: ``amplitude`` of a vibration of 1 m along the axis that scatters most; infinite where none does.
     """
 
     frequency_hz: NDArray[np.float64]
     amplitude: NDArray[np.complex128]
+    freedom: float
+    per_m: float
 
     @property
     def limit_hz(self) -> float:
@@ -67,13 +72,22 @@ class Peak:
 
     Args:
         frequency_hz: how fast.
-        clarity: its amplitude over the spectrum's median; noise alone reaches 1.3, of one shape 3.
+        clarity: its amplitude over the spectrum's median.
         shape: (coordinates,) how the robot moves with it, complex, of length 1.
+        least_clarity: what noise alone hardly reaches: 3.2 in one coordinate, 2.0 in three, 1.7 in six.
+        least_m: the amplitude of a vibration along an axis that has that clarity.
     """
 
     frequency_hz: float
     clarity: float
     shape: NDArray[np.complex128]
+    least_clarity: float
+    least_m: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether it is more than noise."""
+        return self.clarity > self.least_clarity
 
 
 def record_poses(motors: JoinedMotors, tracker: Tracker, gait: Gait, settle_s: float, duration_s: float) -> list[Pose]:
@@ -171,14 +185,35 @@ def measure_spectrum(poses: list[Pose]) -> Spectrum:
     even = np.stack([np.interp(grid_s, t_s, column) for column in seen.T], axis=1)
     still = even - np.polynomial.polynomial.polyval(grid_s, np.polynomial.polynomial.polyfit(grid_s, even, 1)).T
     noise = np.std(np.diff(still, axis=0), axis=0)
-    scaled = still * np.where(noise > _LEAST_NOISE, 1.0 / np.maximum(noise, _LEAST_NOISE), 0.0)
+    gain = np.where(noise > _LEAST_NOISE, 1.0 / np.maximum(noise, _LEAST_NOISE), 0.0)
+    scaled = still * gain
     rate_hz = (len(t_s) - 1) / (t_s[-1] - t_s[0])
-    amplitude = np.fft.rfft(scaled * np.hanning(len(t_s))[:, None], _BINS, axis=0)
-    return Spectrum(np.fft.rfftfreq(_BINS, 1.0 / rate_hz), amplitude)
+    window = np.hanning(len(t_s))
+    amplitude = np.fft.rfft(scaled * window[:, None], _BINS, axis=0)
+    axis_gains = [math.hypot(gain[axis], *gain[6 + axis :: 3]) for axis in range(3)]  # the markers move along
+    per_m = 0.5 * float(window.sum()) * min((each for each in axis_gains if each), default=math.inf)
+    return Spectrum(np.fft.rfftfreq(_BINS, 1.0 / rate_hz), amplitude, _freedom(scaled), per_m)
+
+
+def _freedom(scaled: NDArray[np.floating[Any]]) -> float:
+    """Return the number of independent coordinates: that of all that scatter, over the mean square of correlation.
+
+    Markers move with the body, so a tracker that tells ten of them does not see 36 coordinates.
+    """
+    steps = np.diff(scaled, axis=0)
+    steps = steps[:, steps.std(axis=0) > 0.0]
+    if steps.shape[1] < 2:
+        return 1.0
+    return float(steps.shape[1] ** 2 / np.sum(np.corrcoef(steps, rowvar=False) ** 2))
 
 
 def find_peak(seen: Spectrum, low_hz: float, high_hz: float, like: Peak | None = None) -> Peak:
-    """Return the strongest vibration between two frequencies; with ``like``, of its shape, which finds weaker ones."""
+    """Return the strongest vibration between two frequencies; with ``like``, of its shape, which finds weaker ones.
+
+    The power of noise in n independent coordinates is distributed as chi squared with 2 n degrees of freedom.
+    """
+    from scipy.special import gammaincinv
+
     power = np.sum(np.abs(seen.amplitude) ** 2, axis=1)
     if like is not None:
         power = np.abs(seen.amplitude @ like.shape.conj()) ** 2
@@ -189,7 +224,10 @@ def find_peak(seen: Spectrum, low_hz: float, high_hz: float, like: Peak | None =
     shape = seen.amplitude[line] / (np.linalg.norm(seen.amplitude[line]) + 1e-300)
     usual = float(np.median(power[~walk]))
     clarity = math.sqrt(power[line] / usual) if usual > 0.0 else 0.0
-    return Peak(float(seen.frequency_hz[line]), clarity, shape)
+    freedom = seen.freedom if like is None else 1.0
+    least = math.sqrt(gammaincinv(freedom, 1.0 - _CHANCE) / gammaincinv(freedom, 0.5))
+    least_m = least * math.sqrt(usual) / seen.per_m
+    return Peak(float(seen.frequency_hz[line]), clarity, shape, least, least_m)
 
 
 def _coordinates(pose: Pose, has_markers: bool) -> list[float]:

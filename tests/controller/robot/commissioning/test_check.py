@@ -12,7 +12,7 @@ import shutil
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Any, cast
 
@@ -22,12 +22,14 @@ import pytest
 from relayed import relayed
 
 import vvvaltr.controller.robot.commissioning.calibrate
+import vvvaltr.controller.robot.commissioning.rotation
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.controller.core.values import MotorState
+from vvvaltr.controller.core.values import MotorState, Pose
 from vvvaltr.controller.robot.commissioning.calibrate import Reach, Reading, _Measurement, fit_curve, remove_curves
+from vvvaltr.controller.robot.commissioning.rotation import RotationTest, Seeing
 from vvvaltr.controller.robot.commissioning.vibration import Peak
-from vvvaltr.controller.robot.hardware import HardwareRobot
+from vvvaltr.controller.robot.hardware import HardwareRobot, open_hardware
 from vvvaltr.controller.robot.robot_file import load_robot_file, robot_file_from
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.process import MockProcess
@@ -74,6 +76,22 @@ def test_a_stalled_motor_fails_with_a_cure(odrive: MockProcess, capsys: pytest.C
     failed = {name for name, passed in verdicts(data).items() if not passed}
     assert "motor 2" in failed and "motor 1" not in failed
     assert all(check["cure"] for check in data["checks"] if not check["passed"])
+
+
+def test_a_motor_that_is_not_seen_is_told_of_with_what_the_noise_hides(
+    qik: MockProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(0)
+    noise = [Pose(t_s, (*rng.normal(0.0, 2e-4, 2), 0.04)) for t_s in np.arange(0.0, 6.8, 1.0 / 30.0)]
+    monkeypatch.setattr(vvvaltr.controller.robot.commissioning.rotation, "record_poses", lambda *_: noise)
+    with closing(open_hardware(load_robot_file(Path(qik.greeting.robot_file)))) as robot:
+        test = RotationTest(robot.motors, Seeing(robot.tracker, 30.0), 1, 16.5, reverses=False)
+        finding = next(test.findings("motor 2"))
+
+    assert not finding.passed
+    assert re.fullmatch(r"set to 11\.7 Hz, no shaking is seen; the poses' noise hides up to 0\.\d+ mm", finding.detail)
+    assert "if it stands still, check its wiring" in finding.cure
+    assert "if it turns, its shaking is too faint for this tracker" in finding.cure
 
 
 def test_without_a_device_the_link_fails_and_the_tracker_is_tested_all_the_same(
@@ -378,7 +396,7 @@ def test_a_camera_of_30_hz_measures_and_searches_a_qik_up_to_13_5_hz() -> None:
 def test_a_motor_that_is_seen_at_one_command_alone_is_not_said_to_be_too_fast(
     seen_hz: tuple[float | None, ...], told: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    looks = itertools.cycle(None if hz is None else Peak(hz, 9.0, np.ones(1, complex)) for hz in seen_hz)
+    looks = itertools.cycle(None if hz is None else Peak(hz, 9.0, np.ones(1, complex), 3.2, 1e-4) for hz in seen_hz)
     monkeypatch.setattr(_Measurement, "_look", lambda *_: next(looks))
     measurement = _Measurement(cast(HardwareRobot, None), 1, 1.0, None)
 

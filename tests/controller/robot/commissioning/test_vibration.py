@@ -69,6 +69,32 @@ def test_where_nothing_moves_there_is_no_vibration() -> None:
     assert find_peak(measure_spectrum(still), 2.0, 25.0).clarity == 0.0
 
 
+def noisy(seed: int, duration_s: float, shaking_m: float = 0.0, markers: int = 0) -> list[Pose]:
+    """Return poses as of a camera: 30 a second, with a noise of 0.2 mm, of a robot that shakes at 11.7 Hz."""
+    rng = np.random.default_rng(seed)
+    poses = []
+    for t_s in np.arange(0.0, duration_s, 1.0 / 30.0):
+        x_m, y_m, yaw_rad = rng.normal(0.0, 2e-4, 3)
+        x_m += shaking_m * np.sin(2.0 * np.pi * 11.7 * t_s)
+        around = tuple((x_m + d_m, y_m, 0.04) for d_m in 2e-4 * rng.normal(size=markers))
+        poses.append(Pose(float(t_s), (x_m, y_m, 0.04), yaw_rad, markers_m=around))
+    return poses
+
+
+@pytest.mark.parametrize("markers", [0, 10])
+def test_noise_alone_is_seldom_a_vibration_however_few_coordinates_scatter(markers: int) -> None:
+    looks = [find_peak(measure_spectrum(noisy(seed, 1.7, markers=markers)), 7.0, 16.4) for seed in range(60)]
+
+    assert sum(peak.is_clear for peak in looks) <= 4
+
+
+def test_a_vibration_as_faint_as_the_noise_is_found_by_a_longer_look() -> None:
+    looks = [find_peak(measure_spectrum(noisy(seed, 6.8, 2e-4)), 7.0, 16.4) for seed in range(20)]
+
+    assert all(peak.is_clear and peak.frequency_hz == pytest.approx(11.7, abs=0.1) for peak in looks)
+    assert all(5e-5 < peak.least_m < 2e-4 for peak in looks)
+
+
 def test_a_look_in_which_the_tracker_paused_is_made_again(robot: HardwareRobot, qik: MockProcess) -> None:
     begin_s = time.monotonic()
     pauses = (
