@@ -113,7 +113,7 @@ class MotorLine(Protocol):
         ...
 
     def close(self) -> None:
-        """Release the line; the motors have been told to stop. Never raises."""
+        """Release the line; the motors have been told to stop, or the line is lost. Idempotent; never raises."""
         ...
 
 
