@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from vvvaltr.controller.core.plug_ins import Registry
+from vvvaltr.controller.core.signals import interrupt_on_suspension
 from vvvaltr.drivers.table import LineTable
 
 if TYPE_CHECKING:
@@ -81,4 +82,5 @@ DRIVERS: Registry[Driver[Any]] = Registry(
 
 def open_line(table: LineTable) -> MotorLine:
     """Open the line of a table. Raises as ``Driver.open_line`` does."""
+    interrupt_on_suspension()
     return DRIVERS.named(str(table.__struct_config__.tag)).open_line(table)

@@ -25,6 +25,8 @@ def _end_at_once_on_signals() -> None:
         # Who ignores the end of the session, as nohup does, wants the program to go on.
         if number != _signal.SIGHUP or _signal.getsignal(number) != _signal.SIG_IGN:
             _signal.signal(number, _end_at_once)
+    if callable(_signal.getsignal(_signal.SIGTSTP)):  # there were motors
+        _signal.signal(_signal.SIGTSTP, _signal.SIG_DFL)
 
 
 def _say(line: str) -> None:

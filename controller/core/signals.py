@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 import time
 from types import FrameType
 from typing import TYPE_CHECKING
@@ -76,3 +77,15 @@ def interrupt_on_signals() -> None:
             signal.signal(number, raise_once)
     signal.signal(signal.SIGALRM, raise_once.raise_again)
     sys.unraisablehook = raise_once.raise_later
+
+
+def interrupt_on_suspension() -> None:
+    """From now on, treat Ctrl-Z (SIGTSTP) as the other signals: a suspended program stops no motor.
+
+    For a program that has motors. One that left its signals as they are, or ignores SIGTSTP, keeps that.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+    handler = signal.getsignal(signal.SIGINT)
+    if isinstance(handler, _RaiseOnce) and signal.getsignal(signal.SIGTSTP) is signal.SIG_DFL:
+        signal.signal(signal.SIGTSTP, handler)

@@ -24,7 +24,7 @@ from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.process import MockProcess
 
 VVVALTR = (sys.executable, "-c", "import sys; from vvvaltr.controller.cli.main import main; sys.exit(main())")
-ENDINGS = {"qik": signal.SIGINT, "node": signal.SIGTERM, "odrive": signal.SIGHUP}
+ENDINGS = {"qik": signal.SIGTSTP, "node": signal.SIGTERM, "odrive": signal.SIGHUP}
 WATCHDOG_S = 0.5  # more than any device's, and than a busy machine needs to tell of it
 
 

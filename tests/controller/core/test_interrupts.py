@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import signal
 import subprocess
 import sys
 
@@ -66,6 +67,31 @@ except KeyboardInterrupt as interrupt:
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=10, check=True)
 
     assert (done.stdout, done.stderr) == ("SIGTERM\n", "")
+
+
+@pytest.mark.parametrize(("motors", "told"), [("interrupt_on_suspension()", "SIGTSTP\n"), ("", "went on\n")])
+def test_a_suspension_is_an_interrupt_where_there_are_motors(motors: str, told: str) -> None:
+    script = f"""
+import os, signal
+from vvvaltr.controller.core.signals import interrupt_on_signals, interrupt_on_suspension
+
+interrupt_on_signals()
+{motors}
+try:
+    os.kill(os.getpid(), signal.SIGTSTP)
+    print("went on")
+except KeyboardInterrupt as interrupt:
+    print(interrupt)
+"""
+    with subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, process_group=0
+    ) as program:
+        _, status = os.waitpid(program.pid, os.WUNTRACED)
+        if was_suspended := os.WIFSTOPPED(status):
+            os.killpg(program.pid, signal.SIGCONT)
+        assert program.stdout is not None
+        assert program.stdout.read() == told
+    assert was_suspended is not bool(motors)
 
 
 def test_other_errors_of_finalizers_are_still_shown() -> None:
