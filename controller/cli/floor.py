@@ -65,6 +65,7 @@ def _refuse_driving(arguments: Namespace, path: Path) -> None:
 
 def _drive(arguments: Namespace) -> list[LoggedTrial]:
     from vvvaltr.controller.core.errors import one_line_errors
+    from vvvaltr.controller.core.gaits import make_lively_gait
     from vvvaltr.controller.robot.opening import choose_robot, open_rig
     from vvvaltr.controller.studies.floor import open_turned_twin
 
@@ -85,19 +86,11 @@ def _drive(arguments: Namespace) -> list[LoggedTrial]:
     else:
         rig = open_rig(choice, seed)
     with closing(rig.robot):
-        usual = choose_usual_gait(_LIVELY * rig.range_hz[1], rig.robot.motors.motor_count)
+        usual = make_lively_gait([_LIVELY * rig.range_hz[1]] * rig.robot.motors.motor_count)
         gait = read_gait(arguments.gait) if arguments.gait else usual
         with one_line_errors():
             rig.robot.limits.check(gait)
         return _survey(rig, choice, gait, turn, arguments)
-
-
-def choose_usual_gait(high_hz: float, motors: int) -> Gait:
-    """Return a gait of frequencies from ``high_hz`` down to half of it, at most 10 % of it apart."""
-    from vvvaltr.controller.core.gaits import Gait
-
-    apart = min(0.1, 0.5 / max(1, motors - 1))
-    return Gait(tuple(high_hz * (1.0 - apart * motor) for motor in range(motors)))
 
 
 def _survey(rig: Rig, choice: RobotChoice, gait: Gait, turn: Turn, arguments: Namespace) -> list[LoggedTrial]:

@@ -85,14 +85,14 @@ def _watch(tracker: Tracker, arguments: Namespace) -> Sight:
 
 
 def _measure_response(robot: RobotFile, arguments: Namespace) -> float:
-    from vvvaltr.controller.core.gaits import Gait
+    from vvvaltr.controller.core.gaits import make_lively_gait
     from vvvaltr.controller.robot.commissioning.track import response_s
     from vvvaltr.controller.robot.hardware import open_hardware
 
     say(arguments, "the motors will turn")
     # As fast as the search drives them: slower ones may shake the robot by less than the tracker sees.
     fastest_hz = max(map(abs, robot.range_hz))
-    gait = Gait(tuple(min(motor.max_hz, fastest_hz) for motor in robot.motors))
+    gait = make_lively_gait([min(motor.max_hz, fastest_hz) for motor in robot.motors])
     with closing(open_hardware(robot)) as hardware:
         return response_s(hardware, gait)
 

@@ -171,3 +171,12 @@ class GaitSpace:
         for p, place in zip(self.parameters, places, strict=True):
             numbers[p.quantity][p.motor] = min(max(p.low + place * (p.high - p.low), p.low), p.high)
         return Gait(*(tuple(numbers[quantity]) for quantity in Quantity))
+
+
+def make_lively_gait(high_hz: Sequence[float]) -> Gait:
+    """Return a gait that drives the motors at frequencies from ``high_hz`` (motors,) down to half of it.
+
+    No two motors that could turn alike do: of equal ones, chance decides what the robot does.
+    """
+    apart = min(0.1, 0.5 / max(1, len(high_hz) - 1))
+    return Gait(tuple(hz * (1.0 - apart * motor) for motor, hz in enumerate(high_hz)))

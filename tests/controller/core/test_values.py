@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vvvaltr.controller.core.gaits import Gait, GaitSpace, Parameter, Quantity
+from vvvaltr.controller.core.gaits import Gait, GaitSpace, Parameter, Quantity, make_lively_gait
 from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Outcome, Source, Suggestion, Trial
 
@@ -100,3 +100,11 @@ def test_no_trial_has_a_score_that_is_no_speed_of_a_robot(score_m_s: float) -> N
     trial = Trial(7, Gait((1.0,)), Outcome.COMPLETED, "", 0.0, 1.0)
     with pytest.raises(ValueError, match=r"trial 7: a speed of .* is not plausible"):
         LoggedTrial(Suggestion(Gait((1.0,)), "model"), trial, score_m_s, None)
+
+
+@pytest.mark.parametrize("motors", [1, 3, 11, 60])
+def test_a_lively_gait_drives_every_motor_of_any_robot_and_no_two_alike(motors: int) -> None:
+    hz = make_lively_gait([40.0] * motors).frequency_hz
+
+    assert len(set(hz)) == motors
+    assert min(hz) >= 0.5 * max(hz) == 20.0

@@ -3,7 +3,6 @@ import math
 
 import pytest
 
-from vvvaltr.controller.cli.floor import choose_usual_gait
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.loop.movement import measure_movement
 from vvvaltr.controller.runs.log import LOG_NAME, read_run
@@ -39,14 +38,6 @@ def test_a_level_floor_is_not_called_inclined_and_the_robot_is_put_down_all_arou
     movements = [measure_movement(logged.trial) for logged in read_run(run / LOG_NAME).trials]
     headings = [round(math.degrees(movement.start.yaw_rad) / 60.0) % 6 for movement in movements]
     assert headings == [0, 1, 2, 3, 4, 5]
-
-
-@pytest.mark.parametrize("motors", [1, 3, 11, 60])
-def test_the_usual_gait_drives_every_motor_of_any_robot(motors):
-    hz = choose_usual_gait(40.0, motors).frequency_hz
-
-    assert len(set(hz)) == motors
-    assert min(hz) >= 0.5 * max(hz) == 20.0
 
 
 def test_a_twin_in_a_plane_has_no_heading_that_could_tell(capsys):
