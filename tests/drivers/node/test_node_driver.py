@@ -92,10 +92,11 @@ def drive_until_reached(motors, within_s=5.0):
     return state
 
 
-def problem_of(motors, within_s=3.0):
-    """Drive until the driver says what is wrong."""
+def problem_of(motors, within_s=3.0, cause=lambda: None):
+    """Drive, with the cause again and again, until the driver says what is wrong."""
     begin_s = time.monotonic()
     while time.monotonic() - begin_s < within_s:
+        cause()
         try:
             drive_for(motors, 0.05)
         except DeviceError as error:
@@ -203,9 +204,9 @@ def test_a_few_lost_damaged_or_repeated_messages_do_no_harm(motors, node, kind):
 
 def test_telemetry_that_arrives_after_its_successor_is_a_fault(motors, node):
     drive_for(motors, 0.2)
-    node.inject(Kind.DELAY, replies=3, delay_s=0.2)
-    error = problem_of(motors)
+    error = problem_of(motors, cause=lambda: node.inject(Kind.DELAY, replies=1, delay_s=0.2))
     assert isinstance(error, DeviceFault) and error.code == "sequence"
+    time.sleep(0.3)  # until all that is delayed has come
     motors.ready()
     drive_for(motors, 0.2)
 
