@@ -73,7 +73,7 @@ class Plan:
         self._optimizer = optimizer
         self._budget = budget
         self._searched = 0
-        self._confirmed: list[float] = []
+        self._confirmed: dict[Gait, list[float]] = {}
         self._finalists: tuple[Gait, ...] | None = None
 
     def remember(self) -> None:
@@ -89,17 +89,14 @@ class Plan:
             self._begin_confirmation(_gaits_of(history[searched:]))
             tell_history(self._optimizer, history, already=searched)
         for logged in history:
-            if logged.score is not None:
-                self._count(logged.suggestion, logged.score)
+            self._count(logged)
 
     def next(self) -> Suggestion | None:
         """Return the next suggestion; None at the end of the run."""
         self.can_skip = False
         if (gait := asked_again(self._trials)) is not None:
-            # A repeat of the reference comes on top of the trials, as the reference does.
-            is_reference = self._trials[-1].suggestion.phase is Phase.REFERENCE
-            phase = Phase.REFERENCE if is_reference else Phase.SEARCH
-            return Suggestion(gait, "repeated for the operator", phase=phase)
+            # One of the reference comes on top of the trials; one in the confirmation takes the next turn of its gait.
+            return Suggestion(gait, "repeated for the operator", phase=self._trials[-1].suggestion.phase)
         if self._finalists is None and not self._is_search_over():
             if (gait := to_repeat(self._trials)) is not None:
                 return Suggestion(gait, "repeats a suspect trial")
@@ -109,9 +106,15 @@ class Plan:
             self.can_skip = isinstance(self._optimizer, Skipping)
             return self._optimizer.ask()
         finalists = self._begin_confirmation()
-        if len(self._confirmed) == len(finalists) * self._budget.confirm[1] or self._is_decided(len(finalists)):
+        repeats = [len(self._confirmed.get(gait, ())) for gait in finalists]
+        fewest = min(repeats, default=0)
+        if (
+            not finalists
+            or fewest >= self._budget.confirm[1]
+            or (fewest == max(repeats) and self._is_decided(finalists))
+        ):
             return None
-        gait = finalists[len(self._confirmed) % len(finalists)]
+        gait = finalists[repeats.index(fewest)]
         return Suggestion(gait, "confirmation", self._optimizer.predict([gait])[0], phase=Phase.CONFIRMATION)
 
     def describe(self, trial: Trial) -> str:
@@ -135,7 +138,7 @@ class Plan:
         if logged.score is None:
             return logged
         tell_trial(self._optimizer, logged)
-        self._count(logged.suggestion, logged.score)
+        self._count(logged)
         return replace(logged, recommendation=self._recommend(), fit=last_fit(self._optimizer))
 
     def skip(self, suggestion: Suggestion, number: int) -> LoggedTrial:
@@ -164,20 +167,20 @@ class Plan:
             self._finalists = (*begun, *(gait for gait in chosen if gait not in begun))[:count]
         return self._finalists
 
-    def _is_decided(self, finalists: int) -> bool:
-        """Return whether the confirmation has found one gait better than the others, after a whole round."""
-        rounds, started = divmod(len(self._confirmed), finalists)
-        if started or rounds < 2:
+    def _is_decided(self, finalists: Sequence[Gait]) -> bool:
+        """Return whether the confirmation has found one gait better than the others, after whole rounds."""
+        if not self._confirmed:
             return False
         from vvvaltr.transfer.causes.evidence import find_best
 
-        table = [self._confirmed[index * finalists : (index + 1) * finalists] for index in range(rounds)]
-        return find_best(table, _CONFIDENCE) is not None
+        return find_best(list(zip(*map(self._confirmed.__getitem__, finalists), strict=True)), _CONFIDENCE) is not None
 
-    def _count(self, suggestion: Suggestion, speed_m_s: float) -> None:
-        self._searched += suggestion.phase is Phase.SEARCH
-        if suggestion.phase is Phase.CONFIRMATION:
-            self._confirmed.append(speed_m_s)
+    def _count(self, logged: LoggedTrial) -> None:
+        if logged.score is None:
+            return
+        self._searched += logged.suggestion.phase is Phase.SEARCH
+        if logged.suggestion.phase is Phase.CONFIRMATION:
+            self._confirmed.setdefault(logged.trial.gait, []).append(logged.score)
 
     def _recommend(self) -> Recommendation | None:
         if not self._finalists:

@@ -181,6 +181,16 @@ def test_a_repeat_of_the_reference_takes_no_trial_from_the_search() -> None:
     assert [each.suggestion.phase for each in log] == [search, search, reference, reference, search, search]
 
 
+def test_a_repeat_in_the_confirmation_takes_the_next_turn_of_its_gait() -> None:
+    attendance = attended(ScriptedRobot(), wish(Stage.REVIEW, "trial 5:", Wish.REPEAT))
+
+    log = run(attendance, trials=8, confirm=(2, 2))
+
+    first, second = log[4].trial.gait, log[6].trial.gait
+    assert [each.suggestion.phase for each in log] == [Phase.SEARCH] * 4 + [Phase.CONFIRMATION] * 4
+    assert [each.trial.gait for each in log[4:]] == [first, first, second, second]
+
+
 def test_notes_and_a_new_battery_go_with_the_trial_that_they_are_about() -> None:
     robot = ScriptedRobot()
     script = [
