@@ -83,6 +83,8 @@ def describe_run(path: Path) -> Listed:
         trials, wanted = _number(summary.get("trials", summary.get("primitives"))), _find_wanted(config)
         # A run of `go` that was killed has no summary, and has not arrived.
         has_arrived = summary.get("reached", False if config.get("method") == "go" else None)
+        if summary.get("complete") is True:  # perhaps before its last trial: by --stop-when, or a clear confirmation
+            has_arrived = True
         observed_m_s = _number(_table(summary, "best_observed").get("score_m_s"))
         return Listed(
             path,
@@ -125,7 +127,7 @@ def _find_wanted(config: Mapping[str, Any]) -> float | None:
 
 
 def _find_state(path: Path, wanted: float | None, valid: int, has_arrived: bool | None) -> State:
-    """Return how far a run is; ``has_arrived`` says whether one that goes somewhere is there, None for any other."""
+    """Return how far a run is; ``has_arrived`` says whether it ended where it should, None where trials are counted."""
     if _is_locked(path / _LOG):
         return State.RUNNING
     if has_arrived is not None:

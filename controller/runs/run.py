@@ -17,6 +17,7 @@ from vvvaltr.controller.core.gaits import Gait, GaitSpace, Quantity
 from vvvaltr.controller.core.protocols import Observer, Optimizer, Robot
 from vvvaltr.controller.core.records import Event, LoggedTrial, Run
 from vvvaltr.controller.core.values import Source
+from vvvaltr.controller.loop.attendance import Attendance
 from vvvaltr.controller.loop.learn import learn, make_source
 from vvvaltr.controller.loop.memory import Memory
 from vvvaltr.controller.loop.plan import Budget
@@ -49,6 +50,7 @@ class RunDirectory:
         self.trials = Memory(logged.trials)
         self._rig = rig
         self._log = log
+        self._is_complete = False
 
     @classmethod
     def create(cls, path: Path, asked: dict[str, Any]) -> RunDirectory:
@@ -136,19 +138,24 @@ class RunDirectory:
             attendance.robot = watch(attendance.robot)
         robot = self._rig.robot
         record, optimizer = self._record, self.optimizer
-        return self._while_here(learn(robot, optimizer, settings, budget, record, history, all_observers, attendance))
+        trials = learn(robot, optimizer, settings, budget, record, history, all_observers, attendance)
+        return self._to_its_end(trials, attendance)
 
-    def _while_here(self, trials: Generator[LoggedTrial, None, None]) -> Iterator[LoggedTrial]:
+    def _to_its_end(self, trials: Generator[LoggedTrial, None, None], attendance: Attendance) -> Iterator[LoggedTrial]:
         """Yield trials as long as the run's folder is where it was: what cannot be found again is not measured."""
+        if self.trials:
+            self.summarise()  # one that is prolonged is not complete any more
         with closing(trials):
             for logged in trials:
                 yield logged
                 self._refuse_gone()
+        self._is_complete = not attendance.is_ending
+        self.summarise()
 
     def summarise(self) -> dict[str, Any]:
-        """Write `summary.json` and return what is in it."""
+        """Write `summary.json` and return what is in it; ``complete`` once the run has ended by its own rules."""
         about = {"run": str(self.path), "robot": self.config.robot.name, "method": self.config.method}
-        result = {**about, **summarise(self.trials)}
+        result = {**about, "complete": self._is_complete, **summarise(self.trials)}
         if self.path.is_dir():  # otherwise it was moved or deleted, which ends the run
             write_whole(self.path / "summary.json", json.dumps(result, indent=2) + "\n")
         return result

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import time
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.values import Estimate, Recommendation
 from vvvaltr.controller.runs.listing import State, describe_run, list_runs
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
+from vvvaltr.controller.runs.run import RunDirectory
 from vvvaltr.controller.view.terminal import lay_out_columns, plot_speeds
 
 RUN = sample_run(trials=12)
@@ -80,20 +82,42 @@ def test_trials_of_a_reference_do_not_make_a_run_complete(tmp_path: Path) -> Non
     found = describe_run(run)
     assert (found.trials, found.wanted, found.state) == (5, 3, State.COMPLETE)
 
-    config = run / "run.toml"  # as of a run that was stopped after these trials
+    config, summary = run / "run.toml", run / "summary.json"  # as of a run that was stopped after these trials
     config.write_text(config.read_text().replace("trials = 3", "trials = 4"))
+    summary.write_text(summary.read_text().replace('"complete": true', '"complete": false'))
     assert describe_run(run).state is State.STOPPED
 
 
 def test_a_run_whose_log_is_open_is_running_and_one_that_ended_early_is_stopped(runs: Path) -> None:
-    config = (runs / "flat" / "run.toml").read_text()
+    config, summary = (runs / "flat" / "run.toml").read_text(), (runs / "flat" / "summary.json").read_text()
     (runs / "flat" / "run.toml").write_text(config.replace("trials = 3", "trials = 9"))
+    (runs / "flat" / "summary.json").write_text(summary.replace('"complete": true', '"complete": false'))
     try:
         assert describe_run(runs / "flat").state is State.STOPPED
         with RunLog.recover(runs / "flat" / LOG_NAME)[0]:
             assert describe_run(runs / "flat").state is State.RUNNING
     finally:
         (runs / "flat" / "run.toml").write_text(config)
+        (runs / "flat" / "summary.json").write_text(summary)
+
+
+def test_a_run_that_ends_by_its_own_rule_is_complete(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    learn = ["learn", "--no-recording", "--quiet"]
+    asked = "--robot planar --method plain --duration 0.5 --trials 30 --stop-when 1000 --seed 1"
+    assert main([*learn, *asked.split(), "--out", str(run)]) == 0
+    assert (describe_run(run).trials or 0) < 30
+    assert describe_run(run).state is State.COMPLETE
+
+
+def test_a_run_that_is_prolonged_is_not_complete_any_more(runs: Path, tmp_path: Path) -> None:
+    run = tmp_path / "flat"
+    shutil.copytree(runs / "flat", run)
+
+    with closing(RunDirectory.resume(run, {"trials": 9})) as prolonged:
+        next(iter(prolonged.learn()))
+
+    assert describe_run(run).state is State.STOPPED
 
 
 @pytest.mark.parametrize(
