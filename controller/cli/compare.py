@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +21,6 @@ from vvvaltr.controller.cli.options import (
 from vvvaltr.controller.cli.telling import bar
 
 if TYPE_CHECKING:
-    from vvvaltr.controller.core.records import LoggedTrial
     from vvvaltr.controller.robot.choice import RobotChoice
     from vvvaltr.controller.robot.opening import Rig
     from vvvaltr.controller.studies.compare import Comparison
@@ -57,13 +55,10 @@ def _execute(arguments: Namespace) -> Answer:
             for gait in gaits:
                 rig.robot.limits.check(gait)
         _compare(rig, comparison, choice.name, arguments)
-    result = _result(comparison, arguments)
+    result = comparison.describe()
+    if arguments.out is not None:
+        result["run"] = str(arguments.out)
     return Answer(_prose(result), result)
-
-
-def _result(comparison: Comparison, arguments: Namespace) -> dict[str, Any]:
-    found = comparison.describe()
-    return found if arguments.out is None else {**found, "run": str(arguments.out)}
 
 
 def _choose(arguments: Namespace) -> RobotChoice:
@@ -77,6 +72,7 @@ def _choose(arguments: Namespace) -> RobotChoice:
 
 
 def _compare(rig: Rig, comparison: Comparison, robot: str, arguments: Namespace) -> None:
+    from vvvaltr.controller.runs.measured import measuring
     from vvvaltr.controller.studies.compare import compare
 
     settings = replace(
@@ -84,17 +80,10 @@ def _compare(rig: Rig, comparison: Comparison, robot: str, arguments: Namespace)
         duration_s=arguments.duration_s or rig.settings.duration_s,
         heading_limit_rad=arguments.heading_limit_rad or rig.settings.heading_limit_rad,
     )
-    record: Callable[[LoggedTrial], None] = lambda _: None  # noqa: E731
-    with ExitStack() as stack:
-        if arguments.out is not None:
-            from vvvaltr.controller.runs.log import describe_maker
-            from vvvaltr.controller.runs.measured import begin_measured_run, write_summary
-
-            about = describe_maker(robot, arguments.seed or 0)
-            record = stack.enter_context(begin_measured_run(arguments.out, rig.robot.structure, about)).append
-            # However it ends: an interrupt leaves the rounds that were driven, and what they show.
-            stack.callback(lambda: write_summary(arguments.out, {**_result(comparison, arguments), "robot": robot}))
-        progress = stack.enter_context(bar(arguments, total=arguments.trials, unit="trial", desc="comparing"))
+    with (
+        measuring(arguments.out, rig.robot, robot, arguments.seed or 0, comparison.describe) as record,
+        bar(arguments, total=arguments.trials, unit="trial", desc="comparing") as progress,
+    ):
         for logged in compare(rig.robot, settings, comparison, record):
             progress.update(logged.score is not None)
 

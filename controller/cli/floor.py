@@ -6,7 +6,7 @@ import math
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -94,17 +94,11 @@ def _drive(arguments: Namespace) -> list[LoggedTrial]:
 
 
 def _survey(rig: Rig, choice: RobotChoice, gait: Gait, turn: Turn, arguments: Namespace) -> list[LoggedTrial]:
+    from vvvaltr.controller.runs.measured import measuring
     from vvvaltr.controller.studies.floor import survey_floor
 
     settings = replace(rig.settings, duration_s=arguments.duration_s or rig.settings.duration_s)
-    record: Callable[[LoggedTrial], None] = lambda _: None  # noqa: E731
-    with ExitStack() as stack:
-        if arguments.out is not None:
-            from vvvaltr.controller.runs.log import describe_maker
-            from vvvaltr.controller.runs.measured import begin_measured_run
-
-            about = describe_maker(choice.name, arguments.seed or 0)
-            record = stack.enter_context(begin_measured_run(arguments.out, rig.robot.structure, about)).append
+    with measuring(arguments.out, rig.robot, choice.name, arguments.seed or 0) as record:
         total = arguments.trials or _TRIALS
         trials = survey_floor(rig.robot, gait, settings, total, turn, record)
         return list(bar(arguments, trials, total=total, desc="driving", unit="trial", is_needed=choice.is_twin))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Sequence, Set
-from contextlib import ExitStack, closing
+from collections.abc import Sequence, Set
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,13 +64,8 @@ def _execute(arguments: Namespace) -> Answer:
             gait = Gait(tuple(arguments.frequency_hz), tuple(arguments.phase), tuple(arguments.amplitude))
             rig.robot.limits.check(gait)
             _check_quantities(gait, rig.robot.motors.quantities, choice.name)
-        trials = _trials(rig, gait, arguments)
+        trials = _trials(rig, gait, choice.name, arguments)
     result = _result(trials, gait, arguments.score or "net", arguments.out)
-    if arguments.out is not None:
-        from vvvaltr.controller.loop.summary import summarise
-        from vvvaltr.controller.runs.measured import write_summary
-
-        write_summary(arguments.out, {"run": str(arguments.out), "robot": choice.name, **summarise(trials)})
     return Answer(_prose(trials, result), result, status=_status(trials))
 
 
@@ -81,8 +76,9 @@ def _check_count(option: str, values: Sequence[float], motors: int) -> None:
         )
 
 
-def _trials(rig: Rig, gait: Gait, arguments: Namespace) -> list[LoggedTrial]:
+def _trials(rig: Rig, gait: Gait, robot: str, arguments: Namespace) -> list[LoggedTrial]:
     """Make the trials, and keep them if that was asked for."""
+    from vvvaltr.controller.runs.measured import measuring
     from vvvaltr.controller.studies.repeats import repeat_trial
 
     settings = replace(
@@ -90,14 +86,7 @@ def _trials(rig: Rig, gait: Gait, arguments: Namespace) -> list[LoggedTrial]:
         duration_s=arguments.duration_s or rig.settings.duration_s,
         heading_limit_rad=arguments.heading_limit_rad or rig.settings.heading_limit_rad,
     )
-    with ExitStack() as stack:
-        record: Callable[[LoggedTrial], None] = lambda _: None  # noqa: E731
-        if arguments.out is not None:
-            from vvvaltr.controller.runs.log import describe_maker
-            from vvvaltr.controller.runs.measured import begin_measured_run
-
-            about = describe_maker(arguments.robot or "planar", arguments.seed or 0)
-            record = stack.enter_context(begin_measured_run(arguments.out, rig.robot.structure, about)).append
+    with measuring(arguments.out, rig.robot, robot, arguments.seed or 0) as record:
         trials = repeat_trial(rig.robot, gait, settings, arguments.repeats, arguments.score or "net", record)
         return list(
             bar(

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 from vvvaltr.controller.core.disk import new_folder, write_whole
 from vvvaltr.controller.core.errors import UserError
+from vvvaltr.controller.core.protocols import Robot
+from vvvaltr.controller.core.records import LoggedTrial
 from vvvaltr.controller.core.values import Structure
-from vvvaltr.controller.runs.log import LOG_NAME, RunLog
+from vvvaltr.controller.loop.summary import summarise
+from vvvaltr.controller.runs.log import LOG_NAME, RunLog, describe_maker
 
 
 def begin_measured_run(path: Path, structure: Structure | None, about: Mapping[str, str] | None = None) -> RunLog:
@@ -34,6 +37,39 @@ def begin_measured_run(path: Path, structure: Structure | None, about: Mapping[s
     return log
 
 
-def write_summary(path: Path, found: Mapping[str, Any]) -> None:
-    """Write `summary.json` into the folder of a run. Raises OSError."""
-    write_whole(path / "summary.json", json.dumps(found, indent=2) + "\n")
+@contextmanager
+def measuring(
+    out: Path | None, robot: Robot, name: str, seed: int, find: Callable[[], Mapping[str, Any]] = dict
+) -> Iterator[Callable[[LoggedTrial], None]]:
+    """Yield what keeps a trial for good, in a new run; where ``out`` is None, nothing is kept.
+
+    However the block is left, the run has a summary: of its trials, and of what ``find`` returns by then.
+
+    Args:
+        out: folder of the run.
+        robot: that makes the trials.
+        name: of the robot.
+        seed: seed of every random stream.
+        find: what the trials have shown, for the summary.
+
+    Raises:
+        UserError: ``out`` exists, or cannot be made.
+        KeyboardInterrupt: one that came within the block, which then says where the trials are.
+    """
+    if out is None:
+        yield lambda logged: None
+        return
+    trials: list[LoggedTrial] = []
+    with begin_measured_run(out, robot.structure, describe_maker(name, seed)) as log:
+
+        def keep(logged: LoggedTrial) -> None:
+            log.append(logged)
+            trials.append(logged)
+
+        try:
+            yield keep
+        except KeyboardInterrupt as interrupt:
+            raise KeyboardInterrupt(f"{interrupt}; what was driven is saved in {out}") from None
+        finally:
+            summary = {"run": str(out), "robot": name, **summarise(trials), **find()}
+            write_whole(out / "summary.json", json.dumps(summary, indent=2) + "\n")

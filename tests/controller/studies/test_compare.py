@@ -107,7 +107,7 @@ def test_what_recommends_nothing_is_said_with_its_cure(capsys):
     assert "runs/none" in capsys.readouterr().err
 
 
-def test_an_interrupt_leaves_a_summary_of_the_rounds_that_were_driven(tmp_path, monkeypatch):
+def test_an_interrupt_leaves_a_summary_of_the_rounds_that_were_driven(tmp_path, monkeypatch, capsys):
     out, calls = tmp_path / "compared", count(1)
 
     def make_or_interrupt(*arguments: Any) -> LoggedTrial:
@@ -120,7 +120,8 @@ def test_an_interrupt_leaves_a_summary_of_the_rounds_that_were_driven(tmp_path, 
     assert main(["compare", "12,14,16", "12,14,16.01", "--duration", "1", "--out", str(out), "-q"]) == 130
 
     summary = json.loads((out / "summary.json").read_text())
-    assert (summary["rounds"], summary["better"], summary["run"]) == (2, None, str(out))
+    assert (summary["rounds"], summary["better"], summary["run"], summary["trials"]) == (2, None, str(out), 5)
+    assert f"interrupted (SIGINT; what was driven is saved in {out})" in capsys.readouterr().err
     assert len(read_run(out).trials) == 5
 
 

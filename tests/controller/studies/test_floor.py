@@ -5,6 +5,7 @@ import pytest
 
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.loop.movement import measure_movement
+from vvvaltr.controller.runs.listing import State, describe_run
 from vvvaltr.controller.runs.log import LOG_NAME, read_run
 from vvvaltr.twin.scatter import Scatter
 
@@ -38,6 +39,8 @@ def test_a_level_floor_is_not_called_inclined_and_the_robot_is_put_down_all_arou
     movements = [measure_movement(logged.trial) for logged in read_run(run / LOG_NAME).trials]
     headings = [round(math.degrees(movement.start.yaw_rad) / 60.0) % 6 for movement in movements]
     assert headings == [0, 1, 2, 3, 4, 5]
+    listed = describe_run(run)
+    assert (listed.robot, listed.trials, listed.state) == ("spatial", 6, State.ASKED)
 
 
 def test_a_twin_in_a_plane_has_no_heading_that_could_tell(capsys):
