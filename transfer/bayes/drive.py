@@ -115,27 +115,32 @@ class Drive:
         """Return the trend (h, m) at places (m, d) under each of the dead zones (h,); 0 where it has no meaning."""
         if not self.has_meaning:
             return np.zeros((len(dead_zones), len(x)))
-        effect = self._amplitude(x) * self._beyond(x, dead_zones)[1]
-        return np.asarray(DRIVE_RANGE / len(self.frequencies) * effect.sum(axis=2) - DRIVE_RANGE * USUAL_DRIVE)
+        return self._trend(x, self._beyond(self._speeds(x), dead_zones))
 
-    def trend_slopes(self, x: Array, dead_zones: Array) -> Array:
-        """Return the gradient (h, m, d) of the trend at places (m, d) under each of the dead zones (h,)."""
+    def trend_and_slopes(self, x: Array, dead_zones: Array) -> tuple[Array, Array]:
+        """Return the trend (h, m) and its gradient (h, m, d) at places (m, d) under each of the dead zones (h,)."""
         slopes = np.zeros((len(dead_zones), *x.shape))
         if not self.has_meaning:
-            return slopes
+            return self.trend(x, dead_zones), slopes
         at, by, share = self.frequencies, self.amplitudes, DRIVE_RANGE / len(self.frequencies)
-        u, beyond = self._beyond(x, dead_zones)
+        u = self._speeds(x)
+        beyond = self._beyond(u, dead_zones)
         rise = (beyond > 0.0) / (1.0 - dead_zones[:, None, None])
         free = by != at
         slopes[:, :, by[free]] = share * beyond[:, :, free] * self.span[by[free]]
         slopes[:, :, at] = share * self._amplitude(x) * np.sign(u) * rise * self.span[at]
-        return slopes
+        return self._trend(x, beyond), slopes
 
-    def _beyond(self, x: Array, dead_zones: Array) -> tuple[Array, Array]:
-        """Return the frequencies u (m, f), and what of them is beyond each dead zone, e (h, m, f)."""
+    def _trend(self, x: Array, beyond: Array) -> Array:
+        """Return the trend (h, m) at places (m, d), from the frequencies (h, m, f) beyond each dead zone."""
+        effect = self._amplitude(x) * beyond
+        return np.asarray(DRIVE_RANGE / len(self.frequencies) * effect.sum(axis=2) - DRIVE_RANGE * USUAL_DRIVE)
+
+    @staticmethod
+    def _beyond(u: Array, dead_zones: Array) -> Array:
+        """Return what of the frequencies u (m, f) is beyond each dead zone, e (h, m, f)."""
         zones = dead_zones[:, None, None]
-        u = self._speeds(x)
-        return u, np.maximum(np.abs(u) - zones, 0.0) / (1.0 - zones)
+        return np.asarray(np.maximum(np.abs(u) - zones, 0.0) / (1.0 - zones))
 
     def _speeds(self, x: Array) -> Array:
         """Return the frequencies u (m, f)."""

@@ -31,12 +31,17 @@ def begin_at_rest(drive: Drive, trials: Trials) -> Trials:
 
 def observe_drive(drive: Drive, trials: Trials, scale: Scale, dead_zone: float) -> Observations:
     """Return trials as observations of what the drive leaves to explain."""
+    return observe_each(drive, trials, scale, [dead_zone])[0]
+
+
+def observe_each(drive: Drive, trials: Trials, scale: Scale, dead_zones: Sequence[float]) -> list[Observations]:
+    """Return trials as observations of what the drive leaves to explain beyond each of the dead zones."""
     known = begin_at_rest(drive, trials)
-    rise = drive.trend(known.x, np.array([dead_zone]))[0]
-    bare = couple_beating(drive, known.observe(scale))
-    return replace(
-        bare, y=bare.y - RISE * rise, trend=np.stack([RISE_SD * rise, np.full(len(known), LEVEL_SD)], axis=1)
-    )
+    bare, level = couple_beating(drive, known.observe(scale)), np.full(len(known), LEVEL_SD)
+    return [
+        replace(bare, y=bare.y - RISE * rise, trend=np.stack([RISE_SD * rise, level], axis=1))
+        for rise in drive.trend(known.x, np.array(dead_zones))
+    ]
 
 
 def couple_beating(drive: Drive, observations: Observations) -> Observations:
@@ -118,7 +123,8 @@ class Driven:
 
     def predict_with_gradient(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """See ``Posterior``."""
-        near, slopes = self._near(x), self.drive.trend_slopes(x, self.dead_zones)
+        trend, slopes = self.drive.trend_and_slopes(x, self.dead_zones)
+        near = self._near(x, trend)
         means, projected = self._means(near), self._project(near.kernel)
         mean_slopes = self._mean_slopes(near, slopes)
         variance_slopes = -2.0 * self._slopes(near, slopes, projected @ self.inverse_root)
@@ -131,8 +137,9 @@ class Driven:
 
     def predict_mean_with_gradient(self, x: Array) -> tuple[Array, Array]:
         """See ``Posterior``."""
-        near = self._near(x)
-        slopes = self._mean_slopes(near, self.drive.trend_slopes(x, self.dead_zones))
+        trend, slopes = self.drive.trend_and_slopes(x, self.dead_zones)
+        near = self._near(x, trend)
+        slopes = self._mean_slopes(near, slopes)
         slope = (self.chance[:, :, None] * slopes).sum(axis=0)
         return (self.chance * self._means(near)).sum(axis=0), np.asarray(slope)
 
@@ -143,9 +150,11 @@ class Driven:
         mean = (self.chance * means).sum(axis=0)
         return mean, (self.chance * (variances + (means - mean) ** 2)).sum(axis=0)
 
-    def _near(self, x: Array) -> _Near:
-        """Return what the predictions at places (m, d) are made of."""
-        trend, scaled = self.drive.trend(x, self.dead_zones), x / self.hyperparameters.length_scale
+    def _near(self, x: Array, trend: Array | None = None) -> _Near:
+        """Return what the predictions at places (m, d) are made of, of which the trend (h, m) may be known."""
+        if trend is None:
+            trend = self.drive.trend(x, self.dead_zones)
+        scaled = x / self.hyperparameters.length_scale
         squares = (scaled**2).sum(axis=1)[:, None] + (self.x**2).sum(axis=1) - 2.0 * scaled @ self.x.T
         correlation, rise = matern(np.maximum(squares, 0.0, out=squares))
         if self.drive.can_beat:

@@ -33,8 +33,10 @@ Flags = NDArray[np.bool_]
 
 def beat(u: Array) -> Flags:
     """Return for each of some gaits (m,) whether two of its motors beat, from their frequencies (m, f)."""
-    size = np.sort(np.abs(u), axis=1)
-    return np.asarray(((size[:, 1:] - size[:, :-1] < NEAR) & (size[:, :-1] > SLOW)).any(axis=1))
+    size = np.abs(u)
+    size.sort(axis=1)
+    slower = size[:, :-1]
+    return np.asarray(((size[:, 1:] - slower < NEAR) & (slower > SLOW)).any(axis=1))
 
 
 def move_apart(u: Array, rng: np.random.Generator) -> Array:

@@ -14,7 +14,7 @@ from vvvaltr.controller.core.streams import stream
 from vvvaltr.transfer.bayes.alike import Alike
 from vvvaltr.transfer.bayes.belief import Belief, refit
 from vvvaltr.transfer.bayes.drive import Drive, places_on_bounds
-from vvvaltr.transfer.bayes.driven import Driven, begin_at_rest, observe_drive, rise_of
+from vvvaltr.transfer.bayes.driven import Driven, begin_at_rest, observe_drive, observe_each, rise_of
 from vvvaltr.transfer.bayes.gp import GaussianProcess
 from vvvaltr.transfer.bayes.initial_design import propose_design
 from vvvaltr.transfer.bayes.proposal import Proposal, begin_with
@@ -92,7 +92,7 @@ class Hypotheses:
         """
         zones = list_zones(drive)
         others = [place for place, each in enumerate(zones) if each != zone]
-        rows = [observe_drive(drive, fitted.rows, scale, zones[place]) for place in others]
+        rows = observe_each(drive, fitted.rows, scale, [zones[place] for place in others])
         if goes_on(last, fitted):
             found = [last.others[place].extend(it) for place, it in zip(others, rows, strict=True)]
         else:
