@@ -139,6 +139,7 @@ def put_together(paths: Sequence[Path], out: Path) -> Repertoire:
         for path in plain:
             for logged in read_run(path).trials:
                 run.record(replace(logged, recommendation=None, fit=None))  # of a search that knew its own run alone
+        run.summarise({"run": str(out), **describe(repertoire)})
     return repertoire
 
 

@@ -18,6 +18,7 @@ from vvvaltr.controller.loop.safety import Arena
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import choose_robot, open_rig
 from vvvaltr.controller.runs.errand import Errand, load_errand
+from vvvaltr.controller.runs.listing import describe_run
 from vvvaltr.controller.runs.log import read_run
 from vvvaltr.controller.runs.run import RunDirectory
 from vvvaltr.controller.studies.going import GoRun, check_errand, read_goals, usable_repertoire
@@ -133,6 +134,7 @@ def test_runs_put_together_recommend_nothing(tmp_path: Path) -> None:
     trials = read_run(tmp_path / "together").trials
     assert len(trials) == 4
     assert all(logged.recommendation is None for logged in trials)
+    assert describe_run(tmp_path / "together").trials == 4
 
 
 def steered_from(path: Path, source: Path, method: str = "go") -> Path:
