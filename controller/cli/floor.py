@@ -59,7 +59,8 @@ def _execute(arguments: Namespace) -> Answer:
 
 def _refuse_driving(arguments: Namespace, path: Path) -> None:
     """Raise NotUnderstood for what is asked of trials: a run has its own."""
-    if asked_robot(arguments) or arguments.gait or arguments.duration_s or arguments.trials or arguments.out:
+    driving = (arguments.seed is not None, arguments.gait, arguments.duration_s, arguments.trials, arguments.out)
+    if asked_robot(arguments) or any(driving):
         raise NotUnderstood(f"{path} is a run, which is looked at, not driven: leave out all options of trials")
 
 

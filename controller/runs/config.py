@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import msgspec
 import tomli_w
@@ -154,6 +154,13 @@ def _count_from_1(spec: str) -> str:
 
 STEERING = ("repertoire", "go", "jog")
 """What stands in place of a method in the runs of commands that drive without searching."""
+
+
+def refuse_other_run(run: Path, method: str, kind: str) -> NoReturn:
+    """Raise UserError: a run of ``method`` is not one of ``kind``; says how to go on with it."""
+    command = method if method in STEERING else "learn"
+    cure = "drive again by vvvaltr jog" if method == "jog" else f"go on by vvvaltr {command} --resume {run}"
+    raise UserError(f"{run} is a run of {method!r}, not of {kind}: {cure}")
 
 
 def resumed_config(run: Path, config: RunConfig, named: str | None) -> RunConfig:

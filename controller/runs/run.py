@@ -31,6 +31,7 @@ from vvvaltr.controller.runs.config import (
     check_config,
     load_config,
     refuse_difference,
+    refuse_other_run,
     resumed_config,
     save_config,
 )
@@ -86,9 +87,7 @@ class RunDirectory:
         """
         stored = load_config(path)
         if stored.method in STEERING:
-            onward = f"go on by vvvaltr {stored.method} --resume {path}"
-            cure = "drive again by vvvaltr jog" if stored.method == "jog" else onward
-            raise UserError(f"{path} is a run of {stored.method!r}, not of a search: {cure}")
+            refuse_other_run(path, stored.method, "a search")
         named = asked.get("robot", {}).get("name")
         if not stored.robot.is_twin:  # whose file may have another name now
             asked = {**asked, "robot": {key: it for key, it in asked.get("robot", {}).items() if key != "name"}}

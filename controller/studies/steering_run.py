@@ -19,7 +19,14 @@ from vvvaltr.controller.loop.safety import GuardedRobot, Limits
 from vvvaltr.controller.loop.trial_runner import TrialSettings
 from vvvaltr.controller.robot.choice import RobotChoice
 from vvvaltr.controller.robot.opening import Rig, make_twin, open_rig
-from vvvaltr.controller.runs.config import STEERING, RunConfig, load_config, resumed_config, save_config
+from vvvaltr.controller.runs.config import (
+    STEERING,
+    RunConfig,
+    load_config,
+    refuse_other_run,
+    resumed_config,
+    save_config,
+)
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog, read_run
 from vvvaltr.controller.runs.repertoire_file import SOURCE_NAME, read_repertoire, split_runs, table_of
 from vvvaltr.transfer.steering.passage import SHORTEST_S, where
@@ -87,7 +94,7 @@ class SteeringRun:
         """
         config = load_config(path)
         if config.method != method:
-            raise UserError(f"{path} is a run of {config.method!r}, not of {method!r}: resume it by its own command")
+            refuse_other_run(path, config.method, repr(method))
         stored, config = config, resumed_config(path, config, robot_file)
         log, logged = RunLog.recover(path / LOG_NAME)
         if config != stored:

@@ -63,7 +63,9 @@ def test_trials_without_poses_are_said_to_tell_nothing(tmp_path, capsys):
     assert "no valid trial has poses" in err
 
 
-@pytest.mark.parametrize("asked", [("--trials", "3"), ("--gait", "12,-14,9"), ("--world", "slope"), ("--out", "new")])
+@pytest.mark.parametrize(
+    "asked", [("--trials", "3"), ("--gait", "12,-14,9"), ("--world", "slope"), ("--seed", "0"), ("--out", "new")]
+)
 def test_a_run_is_not_driven(asked, tmp_path, capsys):
     (tmp_path / LOG_NAME).touch()
 

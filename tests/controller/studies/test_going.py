@@ -60,6 +60,8 @@ def test_a_run_of_steering_is_not_resumed_as_a_search(tmp_path: Path) -> None:
     ):
         with pytest.raises(UserError, match=f"not of a search: {cure}$"):
             RunDirectory.resume(run, {})
+    with pytest.raises(UserError, match=f"is a run of 'repertoire', not of 'go': go on by .* --resume {moves}$"):
+        GoRun.resume(moves)
 
 
 def test_a_goal_outside_the_arena_is_refused() -> None:
