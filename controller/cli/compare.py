@@ -31,7 +31,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("gaits", nargs="+", metavar="RUN|GAIT",
                         help="a run, for the gait it recommends, or frequencies in Hz: 12,-14,9")  # fmt: skip
     parser.add_argument("--confidence", type=number(above=0.5, high=0.999), default=0.95, metavar="P",
-                        help="probability from which on a gait is named the best (default 0.95)")  # fmt: skip
+                        help="probability at which a gait is named the best (default 0.95)")  # fmt: skip
     parser.add_argument("--trials", type=whole(4), default=60, metavar="N",
                         help="greatest number of valid trials (default 60)")  # fmt: skip
     parser.add_argument("--out", type=Path, metavar="DIR", help="new directory for the trials, as a run to view")

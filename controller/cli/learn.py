@@ -60,9 +60,8 @@ def _add_arguments(parser: ArgumentParser) -> None:
     group.add_argument("--attended", action=BooleanOptionalAction, help="ask the person beside the robot "
                        "between trials (default with a robot's file on a terminal)")  # fmt: skip
     group.add_argument("--reposition", choices=("each", "arena", "never"), metavar="WHEN",
-                       help="when the robot is put back to its start: each (before each trial), arena (at the "
-                       "border of its arena) or never (default each where [start] is in the file, else arena)"
-                       )  # fmt: skip
+                       help="when the robot is put back to its start: each (before each trial), arena (at the border "
+                       "of its arena) or never (default each where [start] is in the file, else arena)")  # fmt: skip
     group.add_argument("--no-hand", action="store_true", help="do not ask the hand of a mock to put its robot back")
     group.add_argument("--park-after", type=number(above=0), default=60.0, metavar="S",
                        help="in a pause of more than S seconds, let go of the motors' lines (default 60)")  # fmt: skip
