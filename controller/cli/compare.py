@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ from vvvaltr.controller.cli.options import (
     add_robot_arguments,
     add_trial_arguments,
     asked_robot,
+    asked_settings,
     number,
     score_details,
     whole,
@@ -75,11 +75,7 @@ def _compare(rig: Rig, comparison: Comparison, robot: str, arguments: Namespace)
     from vvvaltr.controller.runs.measured import measuring
     from vvvaltr.controller.studies.compare import compare
 
-    settings = replace(
-        rig.settings,
-        duration_s=arguments.duration_s or rig.settings.duration_s,
-        heading_limit_rad=arguments.heading_limit_rad or rig.settings.heading_limit_rad,
-    )
+    settings = asked_settings(rig.settings, arguments)
     with (
         measuring(arguments.out, rig.robot, robot, arguments.seed or 0, comparison.describe) as record,
         bar(arguments, total=arguments.trials, unit="trial", desc="comparing") as progress,

@@ -7,7 +7,6 @@ import tempfile
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from contextlib import closing, suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from vvvaltr.controller.cli.options import (
     add_robot_arguments,
     add_trial_arguments,
     asked_robot,
+    asked_settings,
     number,
     score_details,
     whole,
@@ -130,11 +130,7 @@ def _survey(arguments: Namespace) -> Any:
     return Survey(
         choice=choice,
         seed=seed,
-        settings=replace(
-            rig.settings,
-            duration_s=arguments.duration_s or rig.settings.duration_s,
-            heading_limit_rad=arguments.heading_limit_rad or rig.settings.heading_limit_rad,
-        ),
+        settings=asked_settings(rig.settings, arguments),
         score_name=arguments.score or "net",
         range_hz=range_hz,
         motor_count=motor_count,

@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, _ArgumentGroup
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.parser import Details
 from vvvaltr.controller.core.errors import NotUnderstood, UserError
 from vvvaltr.controller.core.spelling import unknown
 from vvvaltr.controller.loop.scoring import SCORES
+
+if TYPE_CHECKING:
+    from vvvaltr.controller.loop.trial_runner import TrialSettings
 
 TWINS = ("planar", "spatial")
 LAWS = ("eccentric", "constant")
@@ -166,6 +170,15 @@ def add_trial_arguments(parser: ArgumentParser) -> None:
         choices=tuple(SCORES),
         metavar="NAME",
         help=f"what counts as speed: {', '.join(SCORES)} (default net)",
+    )
+
+
+def asked_settings(usual: TrialSettings, arguments: Namespace) -> TrialSettings:
+    """Return how a trial is run: as was asked by the options of ``add_trial_arguments``, else as usual."""
+    return replace(
+        usual,
+        duration_s=arguments.duration_s or usual.duration_s,
+        heading_limit_rad=arguments.heading_limit_rad or usual.heading_limit_rad,
     )
 
 

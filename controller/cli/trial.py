@@ -5,7 +5,6 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence, Set
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ from vvvaltr.controller.cli.options import (
     add_robot_arguments,
     add_trial_arguments,
     asked_robot,
+    asked_settings,
     number,
     score_details,
     whole,
@@ -81,11 +81,7 @@ def _trials(rig: Rig, gait: Gait, robot: str, arguments: Namespace) -> list[Logg
     from vvvaltr.controller.runs.measured import measuring
     from vvvaltr.controller.studies.repeats import repeat_trial
 
-    settings = replace(
-        rig.settings,
-        duration_s=arguments.duration_s or rig.settings.duration_s,
-        heading_limit_rad=arguments.heading_limit_rad or rig.settings.heading_limit_rad,
-    )
+    settings = asked_settings(rig.settings, arguments)
     with measuring(arguments.out, rig.robot, robot, arguments.seed or 0) as record:
         trials = repeat_trial(rig.robot, gait, settings, arguments.repeats, arguments.score or "net", record)
         return list(
