@@ -38,12 +38,12 @@ class LocalPorts:
     def check_port(self, port: str) -> None:
         """Raise NotUnderstood, or DeviceError for what is not there, if ``port`` is not a local serial port."""
         if not port or "\0" in port:
-            raise NotUnderstood(f"the port {port!r} names no device: write its name, as in /dev/ttyACM0")
+            raise NotUnderstood(f"the port {port!r} names no device; write its name, as in /dev/ttyACM0")
         if self.allow_url and "://" in port:
             return
         if "://" in port:
             raise NotUnderstood(
-                f"the port {port} is an address, not a device of this computer: name the device, as in /dev/ttyACM0, "
+                f"the port {port} is an address, not a device of this computer; name the device, as in /dev/ttyACM0, "
                 "or allow addresses by --allow-url if you trust the robot's file"
             )
         if os.path.exists(port) and not _is_terminal(Path(port)):
@@ -55,7 +55,7 @@ class LocalPorts:
             return
         if interface not in _LOCAL_INTERFACES:
             raise NotUnderstood(
-                f"the CAN interface {interface} is none of this computer: choose one of "
+                f"the CAN interface {interface} is none of this computer; choose one of "
                 f"{', '.join(sorted(_LOCAL_INTERFACES))}, or allow it by --allow-url if you trust the robot's file"
             )
         if interface in SERIAL_INTERFACES:
@@ -63,7 +63,7 @@ class LocalPorts:
         for key, value in options.items():
             if key in _LOADS_CODE or (isinstance(value, str) and not _PLAIN_TEXT.fullmatch(value)):
                 raise NotUnderstood(
-                    f"options.{key} is {value!r}, which is more than a setting of the CAN interface: leave it out, or "
+                    f"options.{key} is {value!r}, which is more than a setting of the CAN interface; leave it out, or "
                     "allow it by --allow-url if you trust the robot's file"
                 )
 

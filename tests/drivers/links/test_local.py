@@ -67,7 +67,7 @@ def test_an_address_is_no_port_and_touches_nothing(address: str, suffix: str, vi
 @pytest.mark.parametrize("port", ["", "a\0b"])
 def test_what_can_be_no_name_is_refused_as_such(port: str) -> None:
     for refused in (lambda: SerialLink(port, 19200), lambda: CanLink("slcan", port, 500_000)):
-        with pytest.raises(NotUnderstood, match="names no device: write its name, as in /dev/ttyACM0"):
+        with pytest.raises(NotUnderstood, match="names no device; write its name, as in /dev/ttyACM0"):
             refused()
 
 

@@ -27,6 +27,7 @@ from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.values import MotorState, Pose
 from vvvaltr.controller.robot.commissioning.calibrate import Reach, Reading, _Measurement, fit_curve, remove_curves
+from vvvaltr.controller.robot.commissioning.check import _check_link
 from vvvaltr.controller.robot.commissioning.rotation import RotationTest, Seeing
 from vvvaltr.controller.robot.commissioning.vibration import Peak
 from vvvaltr.controller.robot.hardware import HardwareRobot, open_hardware
@@ -34,6 +35,7 @@ from vvvaltr.controller.robot.robot_file import load_robot_file, robot_file_from
 from vvvaltr.drivers.mocking.faults import Fault, Kind
 from vvvaltr.drivers.mocking.process import MockProcess
 from vvvaltr.drivers.odrive.line import OdriveLine
+from vvvaltr.drivers.odrive.table import OdriveLineTable, OdriveMotorTable
 from vvvaltr.drivers.qik.mock import CURVE
 
 
@@ -65,6 +67,15 @@ def test_a_sound_robot_passes_every_point(qik: MockProcess, capsys: pytest.Captu
         *("line 1 link", "line 1 watchdog", "tracker", "poses in motion"),
         *(f"motor {number}{what}" for number in (1, 2, 3) for what in ("", " direction")),
     }
+
+
+def test_what_a_line_itself_says_to_do_is_the_cure() -> None:
+    motors = (OdriveMotorTable(node=0, max_hz=10.0),)
+
+    finding = _check_link("line 1 link", OdriveLineTable(interface="slcn", channel="can0", motor=motors))
+
+    assert finding.detail == "the CAN interface slcn is none of this computer"
+    assert finding.cure.startswith("choose one of canalystii, ")
 
 
 def test_a_stalled_motor_fails_with_a_cure(odrive: MockProcess, capsys: pytest.CaptureFixture[str]) -> None:
