@@ -24,6 +24,7 @@ from relayed import relayed
 import vvvaltr.controller.robot.commissioning.calibrate
 import vvvaltr.controller.robot.commissioning.rotation
 from vvvaltr.controller.cli.main import main
+from vvvaltr.controller.core.document import to_toml
 from vvvaltr.controller.core.errors import UserError
 from vvvaltr.controller.core.values import MotorState, Pose
 from vvvaltr.controller.robot.commissioning.calibrate import Reach, Reading, _Measurement, fit_curve, remove_curves
@@ -56,6 +57,14 @@ def changed(mock: MockProcess, tmp_path: Path, old: str, new: str) -> str:
     path = tmp_path / "robot.toml"
     path.write_text(text.replace(old, new), encoding="utf-8")
     return str(path)
+
+
+def with_one_motor(path: str) -> str:
+    """Leave a robot's file its first motor alone: what holds for one holds for three, in a third of the time."""
+    robot = load_robot_file(Path(path))
+    line = msgspec.structs.replace(robot.line[0], motor=robot.line[0].motor[:1])
+    Path(path).write_text(to_toml(msgspec.to_builtins(msgspec.structs.replace(robot, line=(line,)))))
+    return path
 
 
 def test_a_sound_robot_passes_every_point(qik: MockProcess, capsys: pytest.CaptureFixture[str]) -> None:
@@ -150,15 +159,15 @@ def test_the_curve_of_a_motor_without_a_sensor_is_what_the_tracker_sees(
 ) -> None:
     wrong = "curve = [[14.0, 1.0], [127.0, 20.0]]"
     right = "curve = [[14.0, 1.8], [40.0, 6.0], [80.0, 11.5], [127.0, 16.5]]"
-    path = changed(qik, tmp_path, right, wrong)
+    path = with_one_motor(changed(qik, tmp_path, right, wrong))
 
     status, data = answer(capsys, "calibrate", "--robot", path, "--points", "2", "--seconds", "1.5")
 
     assert status == 0
-    for motor, shown in zip(load_robot_file(Path(path)).motors, data["curves"], strict=True):
-        assert [list(point) for point in motor.curve] == shown
-        assert motor.curve[-1][1] == pytest.approx(CURVE.frequency_hz(127.0), abs=0.5)
-        assert motor.max_hz <= motor.curve[-1][1]
+    (motor,) = load_robot_file(Path(path)).motors
+    assert [[list(point) for point in motor.curve]] == data["curves"]
+    assert motor.curve[-1][1] == pytest.approx(CURVE.frequency_hz(127.0), abs=0.5)
+    assert motor.max_hz <= motor.curve[-1][1]
 
 
 def test_the_curve_of_a_motor_with_a_sensor_is_what_it_measures(
@@ -198,17 +207,17 @@ def test_a_tracker_of_30_hz_passes_with_a_warning_that_names_the_rate_it_would_t
 def test_with_a_tracker_of_30_hz_a_qik_is_calibrated_and_searched_up_to_13_5_hz(
     spatial_qik: MockProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = copied(spatial_qik, tmp_path)
+    path = with_one_motor(str(copied(spatial_qik, tmp_path)))
 
-    status, data = answer(capsys, "calibrate", str(path), "--points", "2", "--seconds", "2")
+    status, data = answer(capsys, "calibrate", path, "--points", "2", "--seconds", "2")
 
     assert status == 0
     assert data["limit_hz"] == pytest.approx(13.5, abs=0.3)
-    robot = load_robot_file(path)
-    for motor in robot.motors:
-        command, frequency_hz = motor.curve[-1]
-        assert frequency_hz == pytest.approx(CURVE.frequency_hz(command), abs=0.3)
-        assert motor.max_hz <= data["limit_hz"]
+    robot = load_robot_file(Path(path))
+    (motor,) = robot.motors
+    command, frequency_hz = motor.curve[-1]
+    assert frequency_hz == pytest.approx(CURVE.frequency_hz(command), abs=0.3)
+    assert motor.max_hz <= data["limit_hz"]
     assert robot.range_hz[1] == pytest.approx(13.5, abs=0.3)
     assert robot.range_hz[1] <= data["limit_hz"]
 
