@@ -263,13 +263,17 @@ class Journey:
         return pose
 
     def _check_near(self, before: Pose, pose: Pose) -> None:
-        """Raise TrackingLost if a robot at rest cannot have come from one pose to the other."""
+        """Raise TrackingLost if a robot at rest cannot have come from one pose to the other.
+
+        Their times do not count: those of a trial's poses begin with its drive.
+        """
         if (limits := self._settings.plausibility) is not None:
             seen = PoseFilter(limits)
-            seen.accepts(before, motors_turn=False)
+            seen.accepts(replace(before, t_s=pose.t_s - self._settings.rest_s), motors_turn=False)
             if not seen.accepts(pose, motors_turn=False):
                 away_m = math.dist(pose.position_m, before.position_m)
-                raise TrackingLost(f"it was shown {away_m:.2g} m from where it had come to rest")
+                turned_rad = abs(math.remainder(pose.yaw_rad - before.yaw_rad, math.tau))
+                raise TrackingLost(f"at rest it was shown {away_m:.2g} m away, turned by {turned_rad:.2g} rad")
 
     def _is_stuck(self) -> bool:
         recent, driven_s = [], 0.0

@@ -228,6 +228,16 @@ def test_a_pose_to_which_the_robot_cannot_have_come_does_not_reach_a_goal(repert
     assert math.hypot(*ending.position_m) > 0.2
 
 
+def test_a_heading_to_which_the_robot_cannot_have_turned_at_rest_is_not_taken(repertoire: Repertoire) -> None:
+    robot = GlidingRobot(t_s=900.0, x_m=0.2)
+    journey = Journey(robot, Steersman(repertoire, 1, None, 0.3), [Goal(0.0, 0.0)], SETTINGS, 9.0, lambda logged: None)
+    driven = Pose(4.0, (0.2, 0.0, 0.0), 3.0)  # since the drive began
+
+    with pytest.raises(TrackingLost, match="at rest it was shown 0 m away, turned by 3 rad"):
+        journey._pose_near(driven)
+    assert journey._pose_near(replace(driven, yaw_rad=0.3)) == robot.pose()
+
+
 def test_an_interrupt_is_recorded_and_ends_the_way(repertoire: Repertoire) -> None:
     def interrupt(robot: GlidingRobot) -> None:
         if robot.t_s > 2.0:
