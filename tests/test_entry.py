@@ -96,6 +96,16 @@ def test_a_name_that_is_not_utf_8_is_refused_by_name(tmp_path: Path) -> None:
     assert rb"/caf\xe9 is not UTF-8: rename that file or folder" in done.stderr
 
 
+def test_a_name_in_utf_8_is_not_blamed_where_the_environment_allows_ascii_alone(tmp_path: Path) -> None:
+    out, ascii_alone = str(tmp_path / "Übung"), {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    done = subprocess.run([*VVVALTR, "show", out], env={**os.environ, **ascii_alone}, capture_output=True)
+
+    assert done.returncode == 2
+    assert done.stderr.endswith(
+        rb"bung is not ascii, as this environment says that names are: set PYTHONUTF8=1" + b"\n"
+    )
+
+
 def test_a_folder_around_that_is_not_utf_8_does_not_matter(tmp_path: Path) -> None:
     folder = os.fsencode(tmp_path) + b"/caf\xe9"
     os.mkdir(folder)

@@ -110,7 +110,7 @@ def _refuse_broken_names(arguments: Sequence[str]) -> None:
     """Raise NotUnderstood for a name that no file of ours could hold."""
     for argument in arguments:
         if not argument.isascii() and any("\ud800" <= letter <= "\udfff" for letter in argument):
-            raise NotUnderstood(f"{argument} is not UTF-8: rename that file or folder")
+            raise NotUnderstood(_broken(argument))
 
 
 def _permit_urls(parsed: argparse.Namespace) -> None:
@@ -156,7 +156,14 @@ def _refusal(error: OSError) -> str:
 
 def _broken_name(error: UnicodeEncodeError) -> str:
     words = error.object[: error.start].split("\n")[-1] + error.object[error.start :].split("\n")[0]
-    return f"{words}: a name in it is not UTF-8; rename that file or folder"
+    return _broken(f"{words}: a name in it")
+
+
+def _broken(name: str) -> str:
+    """Return what is wrong with a name that Python could not decode, and the cure."""
+    if (encoding := sys.getfilesystemencoding()) != "utf-8":
+        return f"{name} is not {encoding}, as this environment says that names are: set PYTHONUTF8=1"
+    return f"{name} is not UTF-8: rename that file or folder"
 
 
 def _defect(error: BaseException, show_traceback: bool) -> str:
