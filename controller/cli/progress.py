@@ -37,7 +37,7 @@ class TrialProgress:
         self._began_s = time.monotonic()
         width, height = shutil.get_terminal_size()  # given to the bar, which hides itself on a serial console of 0 x 0
         self._bar = bar(
-            arguments, total=total, initial=done, desc="learning", is_needed=can_repaint(),
+            arguments, total=total, initial=done, desc="learning",
             ncols=width - 1, nrows=height, bar_format="{desc} {n}/{total} |{bar}| {remaining} left{postfix}",
         )  # fmt: skip
 

@@ -71,10 +71,10 @@ def say_above(progress: tqdm[Any], line: str) -> None:
 
 
 def bar(arguments: Namespace, stream: Iterable[Any] | None = None, is_needed: bool = True, **more: Any) -> tqdm[Any]:
-    """Return a progress bar as tqdm makes it, unseen where it is not needed or the person asked for quiet."""
+    """Return a progress bar as tqdm makes it; unseen where nobody needs it or wants it, and in a file."""
     from tqdm import tqdm
 
-    return tqdm(stream, file=sys.stderr, disable=arguments.quiet or not is_needed, **more)
+    return tqdm(stream, file=sys.stderr, disable=arguments.quiet or not is_needed or not can_repaint(), **more)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from vvvaltr.controller.cli.answer import Answer, Subcommand
 from vvvaltr.controller.cli.options import add_robot_file_arguments, chosen_robot_file, number
-from vvvaltr.controller.cli.telling import say
+from vvvaltr.controller.cli.telling import can_repaint, say
 from vvvaltr.controller.core.errors import NotUnderstood, TrackingLost
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def _watch(tracker: Tracker, arguments: Namespace) -> Sight:
     from vvvaltr.controller.robot.commissioning.track import look, sight
 
     looks: list[Look] = []
-    is_live = sys.stderr.isatty() and not arguments.quiet
+    is_live = can_repaint() and not arguments.quiet
     next_line_s = -math.inf
     for seen in look(tracker, arguments.duration_s):
         looks.append(seen)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from vvvaltr.controller.cli import floor
+from vvvaltr.controller.cli import floor, telling
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.cli.telling import logs_on_standard_error
 from vvvaltr.controller.core.errors import UserError
@@ -54,6 +54,13 @@ def test_a_question_leaves_standard_output_to_the_results(
     assert "trial 2: turn the robot to about 180 degrees" in err
 
 
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take standard error for a terminal."""
+    monkeypatch.setattr(telling, "can_repaint", lambda: True)
+
+
+@pytest.mark.usefixtures("terminal")
 def test_by_default_the_progress_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     err = told(TRIAL, capsys)
 
@@ -61,6 +68,20 @@ def test_by_default_the_progress_is_told(capsys: pytest.CaptureFixture[str]) -> 
     assert "opening planar" not in err
 
 
+@pytest.mark.parametrize(
+    "command",
+    [TRIAL, ("compare", "9,9,9", "12,-14,9", "--trials", "4"), ("repertoire", "--gaits", "1", "--duration", "2")],
+)
+def test_in_a_file_there_is_no_progress_bar(
+    command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    err = told((*command, "--out", str(tmp_path / "run")), capsys)
+
+    assert "\r" not in err
+    assert "%|" not in err
+
+
+@pytest.mark.usefixtures("terminal")
 def test_verbose_tells_each_step_above_the_progress_bar(capsys: pytest.CaptureFixture[str]) -> None:
     err = told((*TRIAL, "--verbose"), capsys)
 
