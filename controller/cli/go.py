@@ -131,7 +131,7 @@ def _prose(result: dict[str, Any]) -> str:
             f"at         {x_m:.3f} {y_m:.3f} m, heading {result['yaw_rad']:z.2f} rad",
             f"off by     {1000 * result['error_m']:.0f} mm",
             f"driven     {result['duration_s']:.1f} s in {counted(result['primitives'], 'primitive')}",
-            f"run        {result['run']}",
+            *([f"run        {result['run']}"] if result["run"] else []),
         )
     )
 

@@ -125,12 +125,18 @@ class GoRun:
         self._followers.show(logged)
 
     def summarise(self) -> dict[str, Any]:
-        """Write `summary.json` and return what is in it; what is not known is None."""
+        """Write `summary.json` and return what is in it; what is not known is None.
+
+        A run that was given up before anything was driven, as where the goal is too far, leaves no folder.
+        """
         ending = self._journey.ending
         result = {"run": str(self.run.path), "robot": self.run.config.robot.name, **asdict(ending)}
         result["position_m"] = list(ending.position_m)
         if math.isnan(ending.error_m):
             result |= dict.fromkeys(("position_m", "yaw_rad", "error_m"))
+        if ending.reason and not ending.primitives:
+            self.run.remove()
+            return {**result, "run": None}
         self.run.summarise(result)
         return result
 

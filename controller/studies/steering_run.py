@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Sequence
 from contextlib import ExitStack
 from datetime import UTC, datetime
@@ -114,6 +115,10 @@ class SteeringRun:
     def summarise(self, result: dict[str, Any]) -> None:
         """Write `summary.json`."""
         write_whole(self.path / "summary.json", json.dumps(result, indent=2) + "\n")
+
+    def remove(self) -> None:
+        """Remove the run's folder, in which there is nothing to keep."""
+        shutil.rmtree(self.path)
 
     def close(self) -> None:
         """Close the log."""

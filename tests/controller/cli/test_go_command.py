@@ -189,6 +189,8 @@ def test_what_is_too_far_for_the_time_is_told_before_a_motor_turns(
     assert (status, found["reached"], found["primitives"]) == (1, False, 0)
     assert found["reason"].startswith("9 0 is 9 m away")
     assert found["reason"].endswith("allow more by --time")
+    assert found["run"] is None
+    assert not (tmp_path / "g").exists()
 
 
 def test_go_goes_on_from_where_it_was_interrupted(
