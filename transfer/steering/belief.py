@@ -75,6 +75,18 @@ class Belief:
         """Mean of the floor's drift, shape (2,)."""
         return self.mean[-2:]
 
+    def first(self, count: int) -> Belief:
+        """Return the belief of the first movements alone, and of the drift."""
+        kept = np.append(np.arange(5 * count), [-2, -1])
+        return Belief(self.mean[kept], self.covariance[np.ix_(kept, kept)], self.scatter[:count], self.drive[:count])
+
+    def extended(self, other: Belief) -> Belief:
+        """Return another belief with what this one says of its first movements and of the drift."""
+        kept = np.append(np.arange(5 * len(self.drive)), [-2, -1])
+        mean, covariance = other.mean.copy(), other.covariance.copy()
+        mean[kept], covariance[np.ix_(kept, kept)] = self.mean, self.covariance
+        return replace(other, mean=mean, covariance=covariance)
+
     def aged(self, numbers: Array, drift_m_s: float) -> Belief:
         """Return the belief after things may have changed.
 
@@ -126,8 +138,11 @@ class Belief:
         # Only the excess over what is usual for so many numbers is taken for an outlier.
         excess = max(1.0, (_TAIL + surprise) / (_TAIL + 2.0 * len(y)))
         gain = np.linalg.solve(prior + excess * (expected - prior), h @ self.covariance[index]).T
-        covariance = self.covariance - gain @ (h @ self.covariance[index])
-        return replace(self, mean=self.mean + gain @ error, covariance=0.5 * (covariance + covariance.T)), log_density
+        covariance = gain @ (h @ self.covariance[index])
+        np.subtract(self.covariance, covariance, out=covariance)  # in place: of many movements it is large
+        covariance = covariance + covariance.T
+        covariance *= 0.5
+        return replace(self, mean=self.mean + gain @ error, covariance=covariance), log_density
 
     def underway(self, movement: int, seen: Passage | None) -> tuple[Array, Array]:
         """Return what is known of the trial that is being driven, with what has been seen of it.

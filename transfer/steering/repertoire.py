@@ -22,6 +22,7 @@ _USUAL_DELAY_S = 0.25
 _WEIGHT = 4.0  # of what is usual, in repeats
 _LEAST = np.array([0.0007, 0.0007, 0.02])  # scatter of a gait that hardly moves
 _NEARLY_LEVEL = 0.3  # of what the floor adds to turns elsewhere, where a repertoire is learned
+_MORE = 100  # movements that a belief is extended by: not one by one, for each time all of it is copied
 _FLOOR = 0.5  # the floor's drift over the usual speed, before anything is known
 
 
@@ -110,13 +111,16 @@ def learn_repertoire(runs: Iterable[Sequence[Trial]], base: Repertoire = Reperto
         return base
     gaits = tuple(dict.fromkeys([*base.gaits, *(gait for run in driven for gait, _, _ in run)]))
     place = {gait: index for index, gait in enumerate(gaits)}
-    belief = _vague(base, gaits, driven)
-    size = _sizes(belief.movements, driven)
-    drift_m_s = _FLOOR * float(np.hypot(*size[:2]))
+    vague = _vague(base, gaits, driven)
+    size = _sizes(vague.movements, driven)
+    floor = _FLOOR * float(np.hypot(*size[:2])), _NEARLY_LEVEL * FLOOR_TURN * float(size[2])
+    belief = vague.first(len(base.gaits))
     counts = np.array([movement.trials for movement in base.movements] + [0] * (len(gaits) - len(base.gaits)))
     for run in driven:
-        belief = belief.on_new_floor(drift_m_s, _NEARLY_LEVEL * FLOOR_TURN * float(size[2]))
+        belief, vague = belief.on_new_floor(*floor), vague.on_new_floor(*floor)
         for gait, seen, _ in run:
+            if place[gait] == len(belief.drive):  # not before, for an update takes time with the square of their number
+                belief = belief.extended(vague.first(min(place[gait] + _MORE, len(gaits))))
             belief, _ = belief.observed(place[gait], seen)
             counts[place[gait]] += 1
     blocks = [slice(5 * index, 5 * index + 3) for index in range(len(gaits))]

@@ -5,6 +5,7 @@ import pytest
 from gliding import GAITS, TABLE, GlidingRobot, relative_drive, tried
 
 from vvvaltr.controller.core.values import Outcome, Pose
+from vvvaltr.transfer.steering import repertoire
 from vvvaltr.transfer.steering.belief import Belief
 from vvvaltr.transfer.steering.hypotheses import Knowledge
 from vvvaltr.transfer.steering.passage import passage
@@ -36,6 +37,21 @@ def test_each_run_has_a_floor_of_its_own() -> None:
 
     assert np.hypot(*repertoire.drift_m_s) < 0.0015
     assert repertoire.velocities[:, :2] == pytest.approx(TRUTH[:, :2], abs=0.002)
+
+
+def test_in_parts_the_same_is_learned_as_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    base = learn_repertoire([tried(GlidingRobot(), 2)[:2]])
+    runs = [tried(GlidingRobot(drift_m_s=drift), 2) for drift in ((0.008, 0.0), (0.0, -0.003))]
+    at_once = learn_repertoire([runs[0][:6], runs[1]], base)
+    monkeypatch.setattr(repertoire, "_MORE", 1)
+
+    in_parts = learn_repertoire([runs[0][:6], runs[1]], base)
+
+    assert in_parts.gaits == at_once.gaits
+    assert in_parts.velocities == pytest.approx(at_once.velocities)
+    for one, other in zip(in_parts.movements, at_once.movements, strict=True):
+        assert one.covariance == pytest.approx(other.covariance)
+    assert in_parts.drift_m_s == pytest.approx(at_once.drift_m_s)
 
 
 def test_repeats_make_a_movement_surer() -> None:
