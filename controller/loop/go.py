@@ -29,6 +29,7 @@ ORIGIN = "going"
 """Origin of the suggestions that lead somewhere."""
 
 _LONGEST_S, _SHORTEST_S = 12.0, 1.0  # of a primitive, of which the last one ends with the time that is allowed
+_HOPELESS_S = 3.2  # of a primitive that is not expected to help: long enough to be learned from, and no long way off
 _FAILURES_IN_A_ROW = 3  # failed primitives in a row after which somebody has to look at the robot
 _USELESS_IN_A_ROW = 5  # plans, each with other hopes of what is not known
 _GAIN = 0.1  # of the tolerance, by which a plan must bring the robot nearer
@@ -191,7 +192,8 @@ class Journey:
         movement, _ = way.steps[0]
         gait = self._steersman.gaits[movement]
         watch = Watch(self._steersman, self._thinking, movement, goal, way, where(self._last))
-        longest_s = min(_LONGEST_S, max(_SHORTEST_S, self._budget_s - self._spent_s))
+        longest_s = _HOPELESS_S if self._useless else _LONGEST_S
+        longest_s = min(longest_s, max(_SHORTEST_S, self._budget_s - self._spent_s))
         suggestion, step = Suggestion(gait, ORIGIN), self._step(goal, way)
         try:
             trial = run_trial(self._robot, gait, primitive_settings(self._settings, longest_s, watch), number)

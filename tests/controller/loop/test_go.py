@@ -133,6 +133,15 @@ def test_a_goal_too_far_for_the_time_is_told_before_a_motor_turns(repertoire: Re
     )
 
 
+def test_movements_that_lead_nowhere_but_away_are_given_up_before_they_have_led_far() -> None:
+    away = {gait: (-0.02 + 0.001 * number, 0.0, 0.0) for number, gait in enumerate(GAITS)}
+
+    ending, _ = sent(GlidingRobot(away), learn_repertoire([tried(GlidingRobot(away), 2)]), Goal(0.3, 0.0))
+
+    assert ending.reason.startswith("no movement of the repertoire brings the robot nearer")
+    assert ending.error_m < 0.3 + 4.0 * 3.3 * 0.02
+
+
 def test_a_robot_that_can_only_leave_the_arena_gives_up(repertoire: Repertoire) -> None:
     tiny = Arena((-0.001, 0.001), (-0.001, 0.001))
 
