@@ -64,8 +64,8 @@ def test_closed_streams_do_not_become_files_of_the_run(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("is_ignored", [True, False])
 def test_a_run_under_nohup_outlasts_its_terminal(tmp_path: Path, is_ignored: bool) -> None:
-    how = ["nohup"] if is_ignored else []
-    command = [*how, *VVVALTR, *LEARN, "--trials", "12", "--out", str(tmp_path / "run")]
+    how, trials = (["nohup"], "12") if is_ignored else ([], "5000")  # more than it can make before the signal
+    command = [*how, *VVVALTR, *LEARN, "--trials", trials, "--out", str(tmp_path / "run")]
     log = tmp_path / "run" / "trials.mcap"
 
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:

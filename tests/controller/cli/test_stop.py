@@ -28,7 +28,7 @@ def test_a_run_is_stopped_from_another_terminal(tmp_path: Path, capsys: pytest.C
             assert main(["stop", str(out)]) == 0
 
             assert mock.wait_until(lambda it: it.is_at_rest)
-            _, told = run.communicate(timeout=10)
+            _, told = run.communicate(timeout=30)
     assert run.returncode == 130
     assert f"the run is saved, continue it by --resume {out}" in told
     assert [logged.trial.outcome.value for logged in read_run(out).trials] == ["interrupted"]
@@ -58,7 +58,7 @@ def test_all_runs_of_the_machine_are_stopped_at_once(
 
         for mock in mocks:
             assert mock.wait_until(lambda it: it.is_at_rest)
-        assert [run.wait(timeout=10) for run in runs] == [130, 130]
+        assert [run.wait(timeout=30) for run in runs] == [130, 130]
     assert [[logged.trial.outcome.value for logged in read_run(out).trials] for out in outs] == [["interrupted"]] * 2
     told = capsys.readouterr().out
     assert all(f"stopped    {out}: motors at rest, all is saved" in told for out in outs)

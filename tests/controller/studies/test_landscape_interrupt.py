@@ -55,7 +55,7 @@ def test_no_worker_outlives_a_landscape_that_is_ended(tmp_path: Path, number: si
         workers = workers_of(program.pid)
         program.send_signal(number)
         try:
-            assert program.wait(timeout=10) == status
+            assert program.wait(timeout=30) == status
             await_end(workers)
         finally:
             program.kill()
