@@ -55,8 +55,9 @@ def draw_convergence(found: RunFindings) -> Figure:
             face = _ORANGE if is_suspect else _DARK
             axes.plot([it.trial.number for it in shown], speeds, marker, color=face, markersize=3.2, label=label)
     lost = [it.trial.number for it in found.run.trials if it.score is None]
-    scores = [1000.0 * (it.score or 0.0) for it in valid]
-    bottom, top = min(0.0, *scores), max(*scores, *(1.02 * 1000.0 * it.high for _, it in known[-1:]), 1e-3)
+    # All but the intervals of before the last one, the first of which may be as wide as all that is possible.
+    seen = [*(1000.0 * (it.score or 0.0) for it in valid), *(1000.0 * it.mean for _, it in known)]
+    bottom, top = min(0.0, *seen), max(*seen, *(1.02 * 1000.0 * it.high for _, it in known[-1:]), 1e-3)
     if lost:
         axes.plot(lost, [bottom] * len(lost), "x", color="#b00020", clip_on=False, label="nothing measured")
     axes.set(xlabel="trial", ylabel="speed (mm/s)", ylim=(bottom - 0.03 * (top - bottom), 1.1 * top))

@@ -25,7 +25,7 @@ from vvvaltr.controller.core.values import Estimate, Outcome, Recommendation
 from vvvaltr.controller.runs.config import load_config
 from vvvaltr.controller.runs.log import LOG_NAME, RunLog
 from vvvaltr.controller.view.commands import write_learn_command, write_trial_command
-from vvvaltr.controller.view.run_figures import draw_left_out, draw_motors
+from vvvaltr.controller.view.run_figures import draw_convergence, draw_left_out, draw_motors
 from vvvaltr.controller.view.run_findings import LeftOut, RunFindings, _leave_each_out, _rank, find_in_run
 from vvvaltr.controller.view.run_report import _compare, write_run_report
 
@@ -197,6 +197,23 @@ def test_trials_that_all_went_backwards_lie_within_the_axes() -> None:
     low, high = draw_left_out(left_out).axes[0].get_ylim()
 
     assert low < -20.0 and high > -5.0
+
+
+def test_the_mean_of_the_first_trials_lies_within_the_axes_however_wrong_it_was(tmp_path: Path) -> None:
+    trials = [logged_trial(1), logged_trial(2), logged_trial(3)]
+    means = (0.3, -0.2, 0.04)
+    told = [Recommendation(it.trial.gait, Estimate(m, m - 2.0, m + 2.0)) for it, m in zip(trials, means, strict=True)]
+    told[-1] = replace(told[-1], estimate=Estimate(0.04, 0.03, 0.05))
+    trials = [replace(it, recommendation=best) for it, best in zip(trials, told, strict=True)]
+
+    low, high = (
+        draw_convergence(RunFindings(tmp_path, Run(None, trials=tuple(trials)), None, None, None, (), None))
+        .axes[0]
+        .get_ylim()
+    )
+
+    assert -300.0 < low < -200.0
+    assert 300.0 < high < 400.0
 
 
 def test_each_of_many_motors_is_drawn_with_a_mark_of_its_own(tmp_path: Path) -> None:
