@@ -4,11 +4,13 @@ import json
 from pathlib import Path
 
 import pytest
+from calling import call
 
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.errors import LinkLost
 from vvvaltr.controller.core.values import Phase
 from vvvaltr.controller.runs.log import read_run
+from vvvaltr.drivers.mocking.process import MockProcess
 from vvvaltr.twin.robot import TwinMotors
 
 GAIT = ("trial", "12", "-14", "9", "--robot", "planar", "--duration", "0.5", "--seed", "1")
@@ -94,3 +96,30 @@ def test_people_are_told_the_mean_with_its_interval_and_where_the_trials_are(
     assert "trial 3: completed" in out
     assert "95 % interval" in out
     assert f"vvvaltr view {tmp_path / 'tried'}" in out
+
+
+def test_trial_reports_one_trial(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = call([*GAIT, "--json"], capsys)
+
+    found = json.loads(out)
+    assert status == 0
+    assert set(found) == {"outcome", "reason", "score_m_s", "is_within_error", "gait_hz", "duration_s"}
+    assert (found["outcome"], found["gait_hz"], found["duration_s"]) == ("completed", [12.0, -14.0, 9.0], 0.5)
+
+
+@pytest.mark.parametrize(
+    ("more", "complaint"),
+    [
+        (("--phase", "1", "0", "0"), "--phase: the motors of"),
+        (("--amplitude", "0.5", "1", "1"), "--amplitude: the motors of"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+)
+def test_what_the_motors_cannot_set_is_bad_input(
+    odrive: MockProcess, more: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, err = call(["trial", "5", "5", "5", "--robot", odrive.greeting.robot_file, *more], capsys)
+
+    assert (status, out) == (2, "")
+    assert err.startswith(f"vvvaltr: {complaint} {odrive.greeting.robot_file} cannot set it")
+    assert len(err.splitlines()) == 1
