@@ -21,6 +21,7 @@ from vvvaltr.drivers.node.table import NodeLineTable, NodeMotorTable
 MOTORS = (NodeMotorTable(max_hz=16.7),) * 3
 GAIT = Gait((12.0, -9.0, 4.0))
 REST = (0.0, 0.0, 0.0)
+BEFORE_WATCHDOG_S = 0.15  # the node's own is 0.2 s, and a busy computer sees late what was at once
 
 
 class Node:
@@ -114,28 +115,29 @@ def test_the_node_turns_at_what_it_is_told_and_measures_it(motors):
     state = drive_until_reached(motors)
     assert state.measured
     assert len(state.current_a) == len(state.temperature_c) == 3
-    assert 0.0 <= time.monotonic() - state.t_s < 0.1
+    assert 0.0 <= time.monotonic() - state.t_s < 0.25
 
 
 def test_a_set_point_is_kept_alive_for_its_hold_and_no_longer(motors, node):
+    begin_s = time.monotonic()
     motors.drive(GAIT, 0.6)
-    time.sleep(0.5)
-    assert all(node.applied_hz)
-    until(lambda: node.applied_hz == REST, within_s=0.2)
+    until(lambda: all(node.applied_hz))
+    until(lambda: node.applied_hz == REST)
+    assert 0.55 < time.monotonic() - begin_s < 1.0
     motors.state()
 
 
 def test_a_stop_is_applied_at_once(motors, node):
     drive_for(motors, 0.3)
     motors.stop()
-    assert until(lambda: node.applied_hz == REST) < 0.05
+    assert until(lambda: node.applied_hz == REST) < BEFORE_WATCHDOG_S
     motors.stop()
 
 
 def test_closing_stops_first_and_may_be_done_twice(motors, node):
     drive_for(motors, 0.2)
     motors.close()
-    until(lambda: node.applied_hz == REST, within_s=0.1)
+    until(lambda: node.applied_hz == REST, within_s=BEFORE_WATCHDOG_S)
     motors.close()
 
 
@@ -151,7 +153,7 @@ def test_a_stall_is_a_fault_that_stays_until_the_motors_are_made_ready(motors, n
     error = problem_of(motors)
     assert isinstance(error, DeviceFault) and error.code == "stall"
     assert "motor 2" in str(error)
-    until(lambda: node.applied_hz == REST, within_s=0.1)
+    until(lambda: node.applied_hz == REST, within_s=BEFORE_WATCHDOG_S)
     with pytest.raises(DeviceFault, match="motor 2"):
         motors.state()
     with pytest.raises(DeviceFault, match="motor 2"):
@@ -190,7 +192,7 @@ def test_a_node_that_says_nothing_is_a_timeout(motors, node):
     drive_for(motors, 0.2)
     node.inject(Kind.SILENCE, duration_s=0.8)
     assert isinstance(problem_of(motors), DeviceTimeout)
-    until(lambda: node.applied_hz == REST, within_s=0.1)
+    until(lambda: node.applied_hz == REST, within_s=BEFORE_WATCHDOG_S)
     motors.ready(patience_s=2.0)
 
 

@@ -68,7 +68,7 @@ def test_a_stop_leaves_the_axes_idle(odrive: MockProcess, motors: HeldMotors) ->
 
     motors.stop()
 
-    odrive.wait_until(lambda status: status.is_at_rest, timeout_s=0.2)
+    odrive.wait_until(lambda status: status.is_at_rest)
     time.sleep(0.5)
     motors.state()
 

@@ -86,6 +86,8 @@ def test_watchdog_and_shutdown_are_switched_on_and_stay_so(qik: MockProcess, mot
     motors.close()
     link = SerialLink(qik.greeting.port, 19200)
     try:
+        while link.read(10, 0.3):
+            pass  # what was asked before the motors were closed may be answered late
         for board in (0, 1):
             for parameter in (Parameter.TIMEOUT, Parameter.SHUT_DOWN):
                 link.write(encode_packet(board, Opcode.GET, parameter))
