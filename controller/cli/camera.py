@@ -100,9 +100,9 @@ def _print_tags(arguments: Namespace, robot: RobotFile, table: CameraTable) -> A
 
 
 def _named(arguments: Namespace, usual: str, suffix: str) -> Path:
-    """Return the name of what is written. Raises NotUnderstood for a name that is only a folder's."""
+    """Return the name of what is written. Raises NotUnderstood for the name of a folder."""
     path: Path = arguments.out or Path(usual)
-    if path.name in ("", ".."):
+    if arguments.out is not None and path.is_dir():
         raise NotUnderstood(f"--out {path} names no file: give {path / usual}, for example")
     return path.with_suffix(suffix)
 

@@ -147,7 +147,8 @@ def test_pictures_whose_program_has_died_are_not_waited_for(action, robot, tmp_p
 
 
 @pytest.mark.parametrize("action", ["print-tag", "show"])
-@pytest.mark.parametrize("out", [".", "..", "/"])
-def test_a_name_that_is_only_a_folders_is_refused_with_one_that_would_do(action, out, robot, capsys):
+@pytest.mark.parametrize("out", [".", "..", "/", "pictures"])
+def test_the_name_of_a_folder_is_refused_with_one_that_would_do(action, out, robot, tmp_path, capsys):
+    (tmp_path / "pictures").mkdir()
     assert main(["camera", str(robot), action, "--out", out]) == 2
     assert f"--out {out} names no file" in capsys.readouterr().err
