@@ -112,7 +112,7 @@ def _calibrate(arguments: Namespace, robot: RobotFile, table: CameraTable) -> An
 
     from vvvaltr.controller.robot.commissioning.lens import save_lens
     from vvvaltr.drivers.trackers.camera.board import calibrated
-    from vvvaltr.drivers.trackers.camera.source import open_source
+    from vvvaltr.drivers.trackers.camera.opening import open_source
     from vvvaltr.drivers.trackers.camera.table import lens_table
 
     with closing(open_source(table.source, table.wanted, in_real_time=False)) as source:
@@ -150,7 +150,7 @@ def _board_views(arguments: Namespace, source: Source) -> Any:
 def _show(arguments: Namespace, robot: RobotFile, table: CameraTable) -> Answer:
     import cv2
 
-    from vvvaltr.drivers.trackers.camera.source import open_source
+    from vvvaltr.drivers.trackers.camera.opening import open_source
 
     path = _named(arguments, "camera", ".png")
     with closing(open_source(table.source, table.wanted, in_real_time=False)) as source:

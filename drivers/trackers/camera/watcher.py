@@ -20,9 +20,10 @@ import msgspec
 from vvvaltr.controller.core.errors import TrackingLost, UserError
 from vvvaltr.drivers.trackers.camera import messages
 from vvvaltr.drivers.trackers.camera.floor import FloorWatch
+from vvvaltr.drivers.trackers.camera.opening import open_source
 from vvvaltr.drivers.trackers.camera.setup import find_view
 from vvvaltr.drivers.trackers.camera.sight import Sight, Sighting, Unseen
-from vvvaltr.drivers.trackers.camera.source import Frame, NoMorePictures, NoPictureNow, Source, open_source
+from vvvaltr.drivers.trackers.camera.source import Frame, NoMorePictures, NoPictureNow, Source
 from vvvaltr.drivers.trackers.camera.table import CameraTable, TagTable
 from vvvaltr.drivers.trackers.camera.tags import Picture
 

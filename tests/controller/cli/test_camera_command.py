@@ -12,7 +12,7 @@ from board_views import write_board_views
 
 from vvvaltr.controller.cli.main import main
 from vvvaltr.controller.core.values import Pose
-from vvvaltr.drivers.trackers.camera import source
+from vvvaltr.drivers.trackers.camera import opening
 from vvvaltr.drivers.trackers.camera.feed import FLOOR_M, LENS, TAG, mock_view
 from vvvaltr.drivers.trackers.camera.frames import FrameWriter
 from vvvaltr.drivers.trackers.camera.pictures import Painter
@@ -138,7 +138,7 @@ def test_a_robot_with_another_tracker_is_told_what_to_set(robot, capsys):
 
 @pytest.mark.parametrize("action", ["show", "calibrate"])
 def test_pictures_whose_program_has_died_are_not_waited_for(action, robot, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(source, "_GONE_S", 0.05)
+    monkeypatch.setattr(opening, "_GONE_S", 0.05)
     with closing(FrameWriter(tmp_path / "frames", 1280, 720, 1000.0)) as writer:
         writer.write(1.0, np.full((720, 1280), 128, np.uint8))
     robot.write_text(ROBOT.format(source=f"frames:{tmp_path / 'frames'}") + FLOOR + LENS_TABLE)

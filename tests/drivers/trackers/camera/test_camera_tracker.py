@@ -11,7 +11,7 @@ import pytest
 
 from vvvaltr.controller.core.errors import TrackingLost, UserError
 from vvvaltr.controller.core.values import Pose
-from vvvaltr.drivers.trackers.camera import messages, source, watcher
+from vvvaltr.drivers.trackers.camera import messages, opening, watcher
 from vvvaltr.drivers.trackers.camera.feed import LENS, TAG, make_feed, mock_view
 from vvvaltr.drivers.trackers.camera.frames import FrameWriter
 from vvvaltr.drivers.trackers.camera.pictures import Painter
@@ -151,7 +151,7 @@ def test_when_its_process_hangs_the_robot_is_lost(tracker):
 
 
 def test_what_another_program_does_not_show_for_a_while_is_lost_and_found_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(source, "_GONE_S", 0.05)
+    monkeypatch.setattr(opening, "_GONE_S", 0.05)
     monkeypatch.setattr(watcher, "_CHECK_S", 0.01)
     picture = Painter(mock_view(), TAG, {}).picture(Pose(0.0, (0.1, -0.05, TAG.height_m), 0.5))
     writer = FrameWriter(tmp_path / "frames", LENS.width_px, LENS.height_px, 1000.0)

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from vvvaltr.controller.core.errors import UserError
-from vvvaltr.drivers.trackers.camera import source as source_module
+from vvvaltr.drivers.trackers.camera import opening
+from vvvaltr.drivers.trackers.camera.device import DeviceSource, device_problem
 from vvvaltr.drivers.trackers.camera.frames import FrameReader, FrameWriter
-from vvvaltr.drivers.trackers.camera.source import DeviceSource, NoMorePictures, Wanted, device_problem, open_source
+from vvvaltr.drivers.trackers.camera.opening import open_source
+from vvvaltr.drivers.trackers.camera.source import NoMorePictures, Wanted
 
 FAST = Wanted(rate_hz=100.0)
 NO_SLOTS = struct.pack("<8sIIIdq", b"vvvaltr1", 64, 48, 0, 30.0, 5)
@@ -94,7 +96,7 @@ def test_a_file_that_holds_no_pictures_is_refused_with_its_name(tmp_path, conten
 
 
 def test_a_program_that_writes_no_more_pictures_is_asked_for_and_not_waited_for(tmp_path, monkeypatch):
-    monkeypatch.setattr(source_module, "_GONE_S", 0.05)
+    monkeypatch.setattr(opening, "_GONE_S", 0.05)
     writer = FrameWriter(tmp_path / "frames", 64, 48, 1000.0)
     writer.write(1.0, grey(1))
     source = open_source(f"frames:{tmp_path / 'frames'}", FAST)
