@@ -128,7 +128,6 @@ def walk(folder: Path, device: str) -> None:
     assert (folder / "runs/first/report.html").exists() == (device == "qik")
 
 
-@pytest.mark.timeout(300)
 @pytest.mark.flaky(reruns=2)  # in real time
 def test_the_page_is_walked_with_each_device(tmp_path: Path) -> None:
     with ThreadPoolExecutor(2) as at_a_time:

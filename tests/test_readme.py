@@ -90,7 +90,7 @@ def fresh_machine(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_every_block_of_the_readme_works_as_typed_in_one_shell(fresh_machine: Path) -> None:
     blocks = re.findall(r"^```sh\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
     environment = {**os.environ, "PATH": f"{fresh_machine / 'bin'}:{os.environ['PATH']}"}
@@ -106,7 +106,7 @@ def test_every_block_of_the_readme_works_as_typed_in_one_shell(fresh_machine: Pa
         start_new_session=True,
     )
     try:
-        _, told = shell.communicate(timeout=280)
+        _, told = shell.communicate(timeout=580)
     finally:
         with suppress(ProcessLookupError):  # nothing is left, as it should be
             os.killpg(shell.pid, signal.SIGTERM)
