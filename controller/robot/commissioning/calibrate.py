@@ -190,7 +190,7 @@ class _Measurement:
         if was_seen and not were_both_seen:
             raise UserError(
                 f"motor {self._motor + 1} is seen to shake the robot at one of two commands alone, so its speed is not "
-                "sure; see whether it turns, end other programs on this computer, and calibrate again"
+                "sure; see whether it turns, and calibrate again with a longer look (--seconds 10)"
             )
         if was_seen:
             raise UserError(
