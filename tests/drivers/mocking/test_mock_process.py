@@ -313,7 +313,7 @@ def test_a_pty_is_as_slow_as_the_line_that_it_stands_for(tmp_path: Path) -> None
         taken_s = time.monotonic() - begun_s
 
     assert arrived == b"x" * 12
-    assert taken_s == pytest.approx(12 * 10 / 2400, abs=0.02)
+    assert 0.6 * 12 * 10 / 2400 < taken_s < 0.5  # a busy computer sees it later
 
 
 def test_two_programs_cannot_have_one_robot(mock: MockProcess) -> None:
