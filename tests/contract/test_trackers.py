@@ -18,9 +18,10 @@ def test_a_mock_seen_through_a_tracker_is_learned_with(kind: str, tmp_path: Path
         asked = ["--trials", "3", "--duration", "1", "--no-recording", "--out", str(tmp_path / "run")]
         assert main(["learn", "--robot", mock.greeting.robot_file, *asked]) == 0
 
-    trials = [logged.trial for logged in read_run(tmp_path / "run").trials]
-    assert [trial.outcome for trial in trials] == [Outcome.COMPLETED] * 3
-    for trial in trials:
+    made = [logged.trial for logged in read_run(tmp_path / "run").trials]  # again, if a busy computer spoils one
+    completed = [trial for trial in made if trial.outcome is Outcome.COMPLETED]
+    assert len(completed) == 3
+    for trial in completed:
         times_s = [pose.t_s for pose in trial.poses]
         assert times_s == sorted(times_s)
         assert len(set(times_s)) > 20
@@ -38,7 +39,7 @@ def test_a_lost_robot_ends_the_trial_which_is_done_again(kind: str, tmp_path: Pa
         asked = ["--trials", "1", "--duration", "1", "--no-recording", "--out", str(tmp_path / "run")]
         assert main(["learn", "--robot", mock.greeting.robot_file, *asked]) == 0
 
-    lost, completed = (logged.trial for logged in read_run(tmp_path / "run").trials)
-    assert lost.outcome is Outcome.TRACKING_LOST
-    assert "the tracker does not see the robot" in lost.reason
+    *before, completed = (logged.trial for logged in read_run(tmp_path / "run").trials)
+    lost = [trial.reason for trial in before if trial.outcome is Outcome.TRACKING_LOST]
+    assert any("the tracker does not see the robot" in reason for reason in lost)
     assert completed.outcome is Outcome.COMPLETED
