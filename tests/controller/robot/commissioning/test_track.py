@@ -197,11 +197,13 @@ def test_clocks_tell_their_offset_and_how_late_messages_come() -> None:
 
 
 def tracked(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
-    """Return what `track` tells."""
-    capsys.readouterr()
-    assert main(["track", *arguments, "--json"]) == 0
-    data: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return data
+    """Return what `track` tells; on a busy computer, which may lose the robot, at the third time at the latest."""
+    for _ in range(3):
+        capsys.readouterr()
+        if main(["track", *arguments, "--json"]) == 0:
+            data: dict[str, Any] = json.loads(capsys.readouterr().out)
+            return data
+    raise AssertionError(capsys.readouterr().err)
 
 
 @pytest.mark.flaky(reruns=2)  # in real time
