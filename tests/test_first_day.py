@@ -57,9 +57,9 @@ class Day:
                 yield words_of(command)
 
     def type(self, words: Sequence[str], *more: str) -> str:
-        """Return what a command tells, which must do what it is asked for. A busy computer is checked again."""
+        """Return what a command tells, which must do what it is asked for: on a busy computer it may measure again."""
         command = [sys.executable, "-m", "vvvaltr", *words, *more]
-        for _ in range(3 if words[0] == "check" else 1):
+        for _ in range(3 if words[0] in ("check", "calibrate", "track") else 1):
             done = subprocess.run(command, cwd=self.folder, stdin=subprocess.DEVNULL, capture_output=True, text=True)
             if done.returncode == 0:
                 break
