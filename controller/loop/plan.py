@@ -108,11 +108,8 @@ class Plan:
         finalists = self._begin_confirmation()
         repeats = [len(self._confirmed.get(gait, ())) for gait in finalists]
         fewest = min(repeats, default=0)
-        if (
-            not finalists
-            or fewest >= self._budget.confirm[1]
-            or (fewest == max(repeats) and self._is_decided(finalists))
-        ):
+        is_decided = 0 < fewest == max(repeats) and self._is_decided(finalists)
+        if not finalists or fewest >= self._budget.confirm[1] or is_decided:
             return None
         gait = finalists[repeats.index(fewest)]
         return Suggestion(gait, "confirmation", self._optimizer.predict([gait])[0], phase=Phase.CONFIRMATION)
@@ -169,8 +166,6 @@ class Plan:
 
     def _is_decided(self, finalists: Sequence[Gait]) -> bool:
         """Return whether the confirmation has found one gait better than the others, after whole rounds."""
-        if not self._confirmed:
-            return False
         from vvvaltr.transfer.causes.evidence import find_best
 
         return find_best(list(zip(*map(self._confirmed.__getitem__, finalists), strict=True)), _CONFIDENCE) is not None
