@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+import calling
 import pytest
 
 from vvvaltr.controller.cli.main import main
@@ -14,12 +15,7 @@ from vvvaltr.controller.view.recording import LiveView
 
 def call(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
     """Return exit status, standard output and standard error of a command."""
-    try:
-        status = main(arguments)
-    except SystemExit as usage:
-        status = int(usage.code or 0)
-    out, err = capsys.readouterr()
-    return status, out, err
+    return calling.call(arguments, capsys)
 
 
 @pytest.fixture(scope="module")
