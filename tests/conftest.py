@@ -60,6 +60,7 @@ class Canary:
 _canary = pytest.StashKey[Canary]()
 
 _LONGEST = {
+    "test_calibrate.py",
     "test_check.py",
     "test_entry.py",
     "test_first_day.py",
@@ -100,6 +101,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 @pytest.fixture(scope="module")
 def qik(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MockProcess]:
     with MockProcess("qik", tmp_path_factory.mktemp("qik") / "port") as mock:
+        yield mock
+
+
+@pytest.fixture(scope="module")
+def spatial_qik(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MockProcess]:
+    with MockProcess(
+        "qik", tmp_path_factory.mktemp("spatial") / "port", "--robot", "spatial", "--pose-rate", "30"
+    ) as mock:
         yield mock
 
 

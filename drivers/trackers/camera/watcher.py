@@ -34,11 +34,8 @@ _JPEG_QUALITY = 70
 
 def main() -> None:
     """Look until there is nothing more to see, or nobody who listens."""
-    for number in (
-        signal.SIGINT,
-        signal.SIGQUIT,
-        signal.SIGTSTP,
-    ):  # reach all processes of a terminal; the controller decides
+    # These reach all processes of a terminal, and the controller decides.
+    for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGTSTP):
         signal.signal(number, signal.SIG_IGN)
     table = msgspec.json.decode(sys.stdin.buffer.readline(), type=CameraTable)
     threading.Thread(target=_end_with_controller, daemon=True).start()
